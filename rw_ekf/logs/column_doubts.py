@@ -178,11 +178,13 @@ def _unread(column: Column) -> str:
 def _contradicting_unit(column: Column, table: RawTable) -> str:
     """A unit beside a column that is not the one in its name."""
     beside = table.units.get(column.name, "")
-    spelt, remarked = said_by(column.name), unit_in_prose(column.remark)
-    for other in filter(None, (beside, remarked)):
-        known = unit_of(other)
-        if known is not None and spelt.unit is not None and known != spelt.unit:
-            return other
+    known, spelt = unit_of(beside) if beside else None, said_by(column.name)
+    if known is not None and spelt.unit is not None and known != spelt.unit:
+        return beside
+    remarked = unit_in_prose(column.remark)
+    known = unit_of(remarked) if remarked else None
+    if known is not None and spelt.unit not in (None, known) and spelt.unit.quantity == known.quantity:
+        return remarked
     for word, unit in (("rpm", unit_of("rpm")), ("erpm", unit_of("erpm")), ("krpm", unit_of("krpm"))):
         if spelt.any_of(word) and spelt.unit is not None and spelt.unit != unit and spelt.unit.quantity == "speed":
             return word
