@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_names import said_by, unit_in_prose
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
 from rw_ekf.logs.column_units import unit_of
@@ -110,7 +110,7 @@ def _doubts(
         yield f"{column.shown}: {text}", (line,)
     if line.name not in ("speed_rad_s", "speed_rpm", "current_A", "current_command_A"):
         return
-    if (factor := _FACTOR.search(column.name)) is not None:
+    if (factor := _FACTOR.search(column.name) or _FACTOR.search(column.remark)) is not None:
         yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
     if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
@@ -164,7 +164,7 @@ def _unread(column: Column) -> str:
 
     The last unit in brackets is the column's: one before it that measures something else is asked about.
     """
-    said, name = column.said.unit, column.name
+    said, name = column.said.unit, column.bare_name or column.name
     for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity
@@ -181,6 +181,10 @@ def _contradicting_unit(column: Column, table: RawTable) -> str:
     known, spelt = unit_of(beside) if beside else None, said_by(column.name)
     if known is not None and spelt.unit is not None and known != spelt.unit:
         return beside
+    remarked = unit_in_prose(column.remark)
+    known = unit_of(remarked) if remarked else None
+    if known is not None and spelt.unit not in (None, known) and spelt.unit.quantity == known.quantity:
+        return remarked
     for word, unit in (("rpm", unit_of("rpm")), ("erpm", unit_of("erpm")), ("krpm", unit_of("krpm"))):
         if spelt.any_of(word) and spelt.unit is not None and spelt.unit != unit and spelt.unit.quantity == "speed":
             return word

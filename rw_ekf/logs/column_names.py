@@ -57,7 +57,7 @@ class Said(NamedTuple):
         if not remark:
             return self
         remark = _EVERY.sub("", remark)
-        said = self.in_unit(_unit_in_prose(remark))
+        said = self.in_unit(unit_in_prose(remark))
         if said.unit is None and (spoken := said_by(remark)).unit is not None:
             said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
         more = said_by(remark).words
@@ -97,7 +97,7 @@ def said_by(name: str) -> Said:
     return Said(frozenset(words), text, unit)
 
 
-def _unit_in_prose(text: str) -> str:
+def unit_in_prose(text: str) -> str:
     """The unit with which a remark ends, or which it has before its words: `A (measured)`; empty for none."""
     bracketed = re.search(r"[\[(]([^\])]*)[\])]\s*$", text)
     if bracketed is not None and (spelt := bracketed[1].replace(",", ".")) and unit_of(spelt) is not None:

@@ -18,6 +18,9 @@ _HIGHER_IS_BACKWARD = re.compile(
     r"\b1\s*[=:]\s*[^;,]*?,?[^;]*?(n[eé]g|ccw|backw|antihor|links|left|reverse)", re.IGNORECASE
 )
 _REVERSED = re.compile(r"(?<!not )\b(reversed|inverted|negated|opposite|flipped|invertiert|umgekehrt)\b", re.IGNORECASE)
+_RAW = re.compile(r"(?P<of>.*\S)\s*\(RAW\)")  # COSMOS: counts, beside which stands what they were converted to
+_CONVERTED = re.compile(r"\s*\([UF]\)")  # with units, formatted
+_TAIL = re.compile(r"\s*[(\[].*")
 _DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s))(?P<text>[^\W\d].*)")
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
@@ -85,6 +88,7 @@ class Column:
     key: str | int = ""  # how a map names it
     remark: str = ""  # what the file says of it in prose
     by_habit: bool = False  # whether its unit is what the program that wrote it publishes for such a name
+    bare_name: str = ""  # its name without what only says that its numbers are converted
 
     @property
     def shown(self) -> str:
@@ -152,16 +156,27 @@ def columns_of(table: RawTable) -> list[Column]:
     units = {**_columns_of_units(table), **table.units}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        said = said_by(name).in_unit(units.get(name) or habitual_unit(name)).with_remark(remarks.get(name, ""))
+        habit = habitual_unit(name, table.names)
+        said = said_by(name).in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
         values = table.numbers(number, stamps=True)
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
         role = role_of(said) if name else "other"
         if role == "speed" and said.unit is None and _counts_rows(values):
             role = "count"
-        by_habit = said_by(name).unit is None and not units.get(name) and bool(habitual_unit(name))
+        by_habit = said_by(name).unit is None and not units.get(name) and bool(habit)
         found.append(Column(number, name, said, role, values, key, remark, by_habit))
-    return found
+    return _without_raw(found)
+
+
+def _without_raw(columns: list[Column]) -> list[Column]:
+    """The columns, with no role for counts beside what they were converted to: `RW_SPEED(RAW)`, `RW_SPEED(U) [RPM]`."""
+    raw = {match["of"]: c for c in columns if c.said.unit is None and (match := _RAW.fullmatch(c.name)) is not None}
+    for column in columns:
+        counts = raw.get(_TAIL.sub("", column.name)) if column.said.unit is not None else None
+        if counts is not None:
+            counts.role, column.bare_name = "other", _CONVERTED.sub("", column.name)
+    return columns
 
 
 def _columns_of_units(table: RawTable) -> dict[str, str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection
 from typing import Literal, NamedTuple
 
 from rw_ekf.units import RAD_S_PER_RPM
@@ -118,10 +119,23 @@ _PUBLISHED = (
     (re.compile(rf"field\.velocity\d*|{_JOINT_STATES}velocity{_OF_JOINT}"), "rad/s"),
     (re.compile(rf"field\.effort\d*|{_JOINT_STATES}effort{_OF_JOINT}"), "N m"),
     (re.compile(rf"field\.position\d*|{_JOINT_STATES}position{_OF_JOINT}"), "rad"),
+    # mjbots moteus, its telemetry (the fields of its high-rate plots; a register's unit)
+    (re.compile(r"(.*[./])?servo_stats\.velocity"), "rev/s"),
+    (re.compile(r"(.*[./])?servo_stats\.position"), "rev"),
     # PX4, EscReport.msg
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_rpm"), "rpm"),
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_current"), "A"),
 )
+
+# The same of a program whose names are anybody's, by what stands beside them: all registers that moteus is asked for
+# (mjbots.github.io/moteus/protocol/registers: revolutions, revolutions a second, N m, A).
+_PUBLISHED_TOGETHER = {
+    frozenset(
+        {"mode", "position", "velocity", "torque", "q_current", "d_current", "voltage", "temperature", "fault"}
+    ): {
+        "position": "rev", "velocity": "rev/s", "torque": "N m", "q_current": "A", "d_current": "A", "voltage": "V",
+    },
+}  # fmt: skip
 
 # The log's own columns, by what a unit measures.
 OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
@@ -155,12 +169,13 @@ def plain_spelling(spelling: str) -> str:
     return re.sub(r"[\s*·⋅×^_\[\](){}<>\"']|\*\*", "", text).rstrip(".")
 
 
-def habitual_unit(name: str) -> str:
-    """The unit that a program publishes for what it calls so; empty for none.
+def habitual_unit(name: str, beside: Collection[str] = ()) -> str:
+    """The unit that a program publishes for what it calls so; empty for none. beside: the names of the whole table.
 
     A name is compared from its end, in whole words of a path: `axis0.encoder.vel_estimate` and `vel_estimate` are one.
     """
-    return next((unit for pattern, unit in _PUBLISHED if pattern.fullmatch(name)), "")
+    together = (units[name] for names, units in _PUBLISHED_TOGETHER.items() if name in units and names <= {*beside})
+    return next(together, "") or next((unit for pattern, unit in _PUBLISHED if pattern.fullmatch(name)), "")
 
 
 def with_unit(name: str, unit: str) -> str:

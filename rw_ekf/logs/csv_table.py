@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from rw_ekf.logs import csv_slow
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
-from rw_ekf.logs.text_cells import BLANKS, TextLayout, is_stamp
+from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
 
@@ -80,8 +81,6 @@ def read_csv_table(
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
     read.preamble = (*read.preamble, *written.words)
-    if found.seconds:
-        read.units[found.seconds] = "s"
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]
         lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"
@@ -147,7 +146,7 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
         return True
     if encoding_of(head) != "utf-8-sig":
         return False
-    if stamped_form(lines).stamped:
+    if stamped_form(lines).stamped or has_units(lines):
         return False
     names = [name.strip() for name in rows[0]]
     numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]
@@ -156,7 +155,8 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
     cells = [
         cell for row in rows[1:-1] for cell, needed in zip(row, numeric, strict=False) if needed or not any(numeric)
     ]
-    return sound and all(number_or_none(cell) is not None or is_stamp(cell.strip()) for cell in cells)
+    described = any(numeric) and not "".join(itertools.compress(rows[min(1, len(rows) - 1)], numeric)).strip()
+    return sound and not described and all(number_or_none(cell) is not None or is_stamp(cell.strip()) for cell in cells)
 
 
 def _read_plain(

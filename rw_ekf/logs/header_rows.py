@@ -1,4 +1,4 @@
-"""What stands above the rows of a text: names, units and remarks of its columns, and lines that are neither."""
+"""What stands above the rows of a text or sheet: names, units and remarks of its columns, and what is neither."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import re
 from collections import Counter
 from dataclasses import replace
 
+from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
-from rw_ekf.logs.text_cells import BLANKS, MOSTLY, STAMP, TextLayout, split_cells, without_trailing
+from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, split_cells, without_trailing
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
@@ -18,6 +19,8 @@ _ROW_KEYS = {
     "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
 }
 _SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scope
+_MOST_REMARKS = 3  # lines of them below the units
+_KEYED = re.compile(r"([^\W\d][\w ]*?): *(.*)")
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
 
@@ -25,7 +28,14 @@ _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
 def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     described = _described(before[skip_rows:], layout)
-    above = [(i, line) for i, line in enumerate(before) if i >= skip_rows and _COMMENT.sub("", line).strip()]
+    keyed = "units" in described
+    above = [
+        (i, line)
+        for i, line in enumerate(before)
+        if i >= skip_rows and _COMMENT.sub("", line).strip() and not (keyed and _keyed(layout.filled(line)))
+    ]
+    levels = _by_level([line for _, line in above], layout)
+    above, prose = (above, ()) if levels else _without_remarks(above, layout)
     units: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     taken = len(above)
@@ -43,18 +53,22 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     if columned is not None:
         names, units = columned
         taken = max(0, len(above) - 1)
+    if levels is not None:
+        names, units, count = levels
+        taken = len(above) - count
     if described and not units:
         units = described.get("units", ())
-    remarks = described.get("remarks", ())
+    remarks = described.get("remarks", prose)
     if described and names != described.get("names"):
         remarks = remarks or described.get("names", ())
     groups = layout.cells(above[taken - 1][1]) if names and taken else []
-    if not remarks and len(groups) == len(names) and not any(map(layout.is_value, groups)):
+    exact = layout.delimiter == CELL
+    if not remarks and (exact or len(groups) == len(names)) and not any(map(layout.is_value, groups)):
         remarks = held_to_the_right(groups)
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
-    ragged = _shift(names, rows, layout)
-    doubts = layout.doubts if ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
+    ragged = not exact and _shift(names, rows, layout)
+    doubts = layout.doubts if exact or ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
     if ragged:
         names, units = ("", *names), ("", *units) if units else ()
     names, units = _fitted(names, layout.width), _fitted(units, layout.width)
@@ -74,17 +88,77 @@ def _by_position(
         return None
     lines: list[list[str]] = []
     for line in reversed(before[-_HEADER_LINES:]):
-        bare = line.expandtabs()
+        bare = _COMMENT.sub(lambda mark: " " * len(mark[0]), line.expandtabs())
         if not re.search(r"\w", bare):
             if lines:
                 break
             continue
         if any(bare[end - 1 : end + 1].strip() and " " not in bare[end - 1 : end + 1] for end in at if end < len(bare)):
             break
-        lines.insert(0, [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)])
+        cells = [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)]
+        if bare != line.expandtabs() and not all(cells):  # a comment on the run, and not on its columns
+            break
+        lines.insert(0, cells)
     units = lines.pop() if lines and are_units(lines[-1]) else []
     names = tuple(" ".join(filter(None, parts)) for parts in zip(*lines, strict=True)) if lines else ()
     return (names, tuple(units)) if len(names) > 1 and all(names) else None
+
+
+def _without_remarks(above: list[tuple[int, str]], layout: TextLayout) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
+    """Lines up to the units where remarks stand below these, as Origin has them, and the remarks by column.
+
+    A row that says of more columns what they are than the one above the units is no remark but the names.
+    """
+    rows = [layout.cells(_COMMENT.sub("", line)) for _, line in above[-_MOST_REMARKS - 2 :]]
+    for below in range(1, len(rows) - 1):
+        names, units, *remarks = rows[-below - 2 :]
+        whole = all(len(row) == layout.width > 1 for row in (names, units, *remarks))
+        if not whole or not all(names) or not are_units(units) or any(map(are_units, (names, *remarks))):
+            continue
+        if _roles(names) >= max(map(_roles, remarks)) and not any(map(layout.is_value, names)):
+            return above[:-below], tuple("; ".join(filter(None, column)) for column in zip(*remarks, strict=True))
+    return above, ()
+
+
+def _roles(cells: list[str]) -> int:
+    """How many cells say what a column is."""
+    return sum(role_of(said_by(cell)) != "other" for cell in cells)
+
+
+def _by_level(above: list[str], layout: TextLayout) -> tuple[tuple[str, ...], tuple[str, ...], int] | None:
+    """Names, units and number of lines of a header of several levels (pandas); None where there is none.
+
+    Its last line has the names of the index alone, and the cells above these those of the levels, or nothing.
+    """
+    rows = [layout.cells(line) for line in above]
+    if not rows or len(rows[-1]) != layout.width or layout.width < 2:
+        return None
+    index = without_trailing(rows.pop())
+    first = len(index)
+    levels = list(
+        itertools.takewhile(
+            lambda row: len(row) == layout.width and any(row[first:]) and not any(row[1:first]), reversed(rows)
+        )
+    )
+    if not 0 < first < layout.width or not all(index) or len(levels) < 2:
+        return None
+    if any(role_of(said_by(row[0])) == "time" for row in levels):  # a header as usual, above a mere heading
+        return None
+    units = next((row for row in levels if are_units(row[first:])), None)
+    parts = [row[first:] for row in reversed(levels) if row is not units]
+    parts[:-1] = [list(held_to_the_right(row)) or row for row in parts[:-1]]  # cells of a sheet that were merged
+    names = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*parts, strict=True)]
+    of_all = ("",) * first + tuple(units[first:]) if units else ()
+    return ((*index, *names), of_all, len(levels) + 1) if all(names) else None
+
+
+def _keyed(cells: list[str]) -> tuple[str, ...]:
+    """Key and cells of a row that has the key at each but the first, as Simulink writes them: `,Unit: A,Unit: rpm`."""
+    found = [_KEYED.fullmatch(cell) for cell in cells if cell]
+    keys = {match[1] if match else "" for match in found}
+    if len(keys) != 1 or "" in keys or cells[0]:
+        return ()
+    return (keys.pop(), *(cell.partition(":")[2].strip() for cell in cells[1:]))
 
 
 def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ...]]:
@@ -92,6 +166,7 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
     found: dict[str, tuple[str, ...]] = {}
     for line in before:
         cells = layout.filled(line)
+        cells = list(_keyed(cells)) or cells
         if not 1 < len(cells) <= layout.width + 1:
             continue
         key = next((kind for kind, words in _ROW_KEYS.items() if words.fullmatch(cells[0].strip(" #%:"))), "")
@@ -127,6 +202,9 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
     """The names in a line above the rows: cut as these are, or as it is usual behind a comment's mark."""
     bare = _COMMENT.sub("", line) if not (layout.delimiter == ";" and line.startswith(";")) else line
     bare = _LABEL.sub("", bare)
+    if layout.delimiter == CELL:
+        cells = without_trailing(split_cells(bare, CELL))
+        return cells if len(cells) > 1 or layout.width == 1 else []
     best: list[str] = []
     for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
         cells = split_cells(bare, mark)

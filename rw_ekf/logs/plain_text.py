@@ -49,7 +49,7 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
             out.append("")
             continue
         filled = cells if last else [*cells, *[""] * (layout.width - len(cells))]
-        out.append(_row(["" if _UNREADABLE in cell else layout.number(cell) for cell in filled]))
+        out.append(_row(layout.numbers(["" if _UNREADABLE in cell else cell for cell in filled])))
     ended = "\n" if text[-4:].translate(None, b"\0").endswith((b"\n", b"\r")) else ""
     before = {match[0] for line in layout.preamble for match in _WHEEL.finditer(line)}
     named = ((lines[number - 1], match[0]) for number in left_out for match in _WHEEL.finditer(lines[number - 1]))

@@ -6,10 +6,13 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
+from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.text_forms import NO_FORM, LineForm
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
+CELL = "\x1f"  # as a delimiter: cells stood apart from each other, as those of a sheet, and none can be missing
 MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
@@ -26,6 +29,9 @@ _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
     "-",
 })  # fmt: skip
+_WITH_UNIT = re.compile(r"(?P<value>[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?)\s(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*)")
+_UNIT_IN_CELL = re.compile(rf"(?<![^,;\t\"])\s*{_WITH_UNIT.pattern}\s*(?![^,;\t\"])")
+_MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
 _GAPS = frozenset({"n/a", "na", "null", "none", "inf", "-inf", "+inf"})
 
 
@@ -45,7 +51,8 @@ class TextLayout:
     form: LineForm = NO_FORM  # what makes its lines rows of cells
     begins_with_value: bool = False  # whether each row does
     doubts: tuple[str, ...] = ()  # what of it could be otherwise
-    seconds: str = ""  # which column has durations in s, by its cells
+    united: bool = False  # cells have their units with them: `0.01 sec`, `89.9 µA`
+    units: tuple[str, ...] = ()  # of each column then, in which its numbers are written out
 
     @property
     def grouping(self) -> tuple[str, re.Pattern[str]]:
@@ -70,7 +77,33 @@ class TextLayout:
 
     def is_value(self, cell: str) -> bool:
         """Whether a cell is a number or a stamp."""
-        return is_number(cell, self.decimal) or is_stamp(cell)
+        return is_number(cell, self.decimal) or is_stamp(cell) or self.with_unit(cell) is not None
+
+    def with_unit(self, cell: str) -> tuple[str, str] | None:
+        """Number and unit of a cell that has both, in a file of such cells; None for any other."""
+        match = _WITH_UNIT.fullmatch(cell) if self.united else None
+        known = match is not None and is_number(match["value"], self.decimal) and unit_of(match["unit"]) is not None
+        return (match["value"], match["unit"]) if match is not None and known else None
+
+    def numbers(self, cells: Sequence[str]) -> list[str]:
+        """The same of a row: where cells have units, each in its column's; what is in none of that kind stays."""
+        if not self.units:
+            return list(map(self.number, cells))
+        return [self._in_unit(cell, unit) for cell, unit in zip_longest(cells, self.units[: len(cells)], fillvalue="")]
+
+    def _in_unit(self, cell: str, unit: str) -> str:
+        found = self.with_unit(cell)
+        if not unit or found is None:
+            plain = self.number(cell)
+            return plain if not unit or plain in {"", "0", "nan"} else f"{cell} ?"  # a number of no unit among others
+        own, other = unit_of(unit), unit_of(found[1])
+        if own == other or own is None or other is None:
+            return self.number(found[0])
+        alike = own.quantity == other.quantity and own.per == other.per and not (own.offset or other.offset)
+        try:
+            return f"{float(self.number(found[0])) * other.factor / own.factor:.12g}" if alike else cell
+        except ValueError:  # a mark between thousands that comes too late in a file to be known as one
+            return cell
 
     def number(self, cell: str) -> str:
         """A cell's number as the readers of plain text take it; what is none stays as it is."""
@@ -100,6 +133,13 @@ def is_number(cell: str, decimal: str) -> bool:
 def is_stamp(cell: str) -> bool:
     """Whether a cell is a date or a time of day."""
     return len(cell) > 3 and bool(STAMP.fullmatch(cell)) and not cell.replace(".", "").isdigit()
+
+
+def has_units(lines: Sequence[str]) -> bool:
+    """Whether most lines have a cell that is a number with its unit."""
+    filled = [line for line in lines if line.strip()]
+    found = sum(any(unit_of(match["unit"]) for match in _UNIT_IN_CELL.finditer(line)) for line in filled)
+    return found >= max(3, _MOST_LINES * len(filled))
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:

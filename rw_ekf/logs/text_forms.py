@@ -33,7 +33,8 @@ _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|
 _WAY = r"c?cw|fwd|rev|forward|reverse|on|off|true|false"  # words that stand where a number may
 _DECIMAL_COMMA = re.compile(r"([=:][+-]?\d+),(?=\d)")
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
-_DURATION = re.compile(r"(?<![^,;\t])(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?) sec(?![^,;\t])")
+_ESP_IDF = re.compile(r"([EWIDV] \(\d+)(\) [\w.-]+: )")  # its levels, and ms since the start, without a unit
+_COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
 _PIECES = re.compile(r"[,;|\t{}]|\s{2,}")
 _UNIT = r"[A-Za-zµ°%][\w/%°^.\-]*"
 _SPOKEN = re.compile(rf"\W*(?P<key>[^\W\d][^=:]*?)[\"']?\s*[=:]\s*(?P<value>{_NUMBER})\s*(?P<unit>{_UNIT})?\s*")
@@ -51,7 +52,6 @@ class LineForm(NamedTuple):
     """How lines become rows of cells."""
 
     stamped: bool = False
-    lasting: bool = False  # durations stand as `0.01 sec`, as MATLAB writes a timetable
     labels: tuple[str, ...] = ()
     names: tuple[str, ...] = ()  # the labels with their units
 
@@ -61,8 +61,6 @@ class LineForm(NamedTuple):
             found = {label: value for label, value, _ in _labelled(line)}
             held = [found.get(label, "") for label in self.labels]
             return MARK.join(held) if sum(map(bool, held)) > 0.5 * len(held) else ""
-        if self.lasting:
-            return _DURATION.sub(r"\1", line)
         match = _IN_FRONT.fullmatch(line) if self.stamped else None
         if match is None:
             return line
@@ -78,15 +76,6 @@ def stamped_form(lines: Sequence[str]) -> LineForm:
     filled = [line for line in lines if line.strip()]
     count = sum(_IN_FRONT.fullmatch(line) is not None for line in filled)
     return LineForm(stamped=count >= max(_LEAST, _MOSTLY * len(filled)))
-
-
-def lasting_form(lines: Sequence[str]) -> tuple[LineForm, int]:
-    """Whether most lines have a duration with its unit in one of their cells, and in which."""
-    found = [match.start() for line in lines if (match := _DURATION.search(line))]
-    if len(found) < max(_LEAST, _MOSTLY * sum(bool(line.strip()) for line in lines)):
-        return NO_FORM, 0
-    line, at = next((line, match.start()) for line in lines if (match := _DURATION.search(line)))
-    return LineForm(lasting=True), len(re.findall(r"[,;\t]", line[: at + 1]))
 
 
 def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
@@ -106,6 +95,7 @@ def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
 
 def who_says(line: str) -> tuple[str, str]:
     """What stands between the time and the first label of a line: who says it, and which process of that is."""
+    line = _ESP_IDF.sub(r"\2", _COLOUR.sub("", line), 1)
     stamp = _ANY_STAMP.fullmatch(line)
     rest = line if stamp is None else stamp["rest"]
     label = _TERSE.search(_PROCESS.sub(lambda match: "\0" * len(match[0]), rest))
@@ -117,6 +107,9 @@ def who_says(line: str) -> tuple[str, str]:
 def _labelled(line: str) -> list[tuple[str, str, str]]:
     """Label, number and unit of what a line says; its time in front goes by `time` or `received`."""
     found: list[tuple[str, str, str]] = []
+    line = _COLOUR.sub("", line)
+    if (match := _ESP_IDF.match(line)) is not None:
+        line = f"{match[1]} ms{line[match.end(1) :]}"
     stamp = _ANY_STAMP.fullmatch(line)
     if stamp is not None:
         found.append((_RECEIVED, stamp["stamp"], ""))

@@ -12,9 +12,10 @@ from collections import Counter
 from dataclasses import replace
 
 from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.header_rows import with_names
-from rw_ekf.logs.text_cells import BLANKS, TextLayout
-from rw_ekf.logs.text_forms import MARK, labelled_form, lasting_form, stamped_form
+from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units
+from rw_ekf.logs.text_forms import MARK, labelled_form, stamped_form
 
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
 _OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "koi8-r", "cp866", "big5", "euc-kr", "cp1250")
@@ -86,8 +87,7 @@ def layout_of(
     lines = lines_of(head.decode(known, "replace"))
     if len(lines) > 3:
         lines = lines[:-1]  # perhaps cut
-    form, timed = lasting_form(lines[:_LOOKED_AT])
-    form = form if form.lasting else stamped_form(lines[:_LOOKED_AT])
+    form, united = stamped_form(lines[:_LOOKED_AT]), has_units(lines[:_LOOKED_AT])
     if lines and lines[0].lower().startswith("sep=") and delimiter is None:
         delimiter = lines[0][4:5] or None
     found: list[tuple[float, TextLayout, int, int]] = []
@@ -95,7 +95,9 @@ def layout_of(
         for comma in (decimal,) if decimal else (".", ","):
             if mark == comma == "," and '"' not in head[:4000].decode(known, "replace"):
                 continue
-            begins, layout, score, count = _rows(lines, TextLayout(known, mark, comma, form=form), skip_rows)
+            begins, layout, score, count = _rows(
+                lines, TextLayout(known, mark, comma, form=form, united=united), skip_rows
+            )
             if layout.width:
                 found.append((score, replace(layout, first_line=begins + 1), begins, count))
     labelled, rows, first = labelled_form(lines[skip_rows:_LOOKED_AT])
@@ -107,13 +109,13 @@ def layout_of(
         return None
     best = max(score for score, *_ in found)
     _, layout, begins, _ = next(item for item in found if item[0] == best)
-    lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped or form.lasting else lines
+    lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped else lines
     data = lines[begins:_LOOKED_AT]
     layout = replace(
         layout, thousands=_has_thousands(data, layout), doubts=_points_of_thousands(lines[begins:], layout)
     )
     layout = with_names(lines[:begins], data, layout, skip_rows)
-    return replace(layout, seconds=layout.names[timed]) if form.lasting and timed < len(layout.names) else layout
+    return _with_units(data, layout) if united else layout
 
 
 def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, TextLayout, float, int]:
@@ -152,10 +154,24 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
     )
 
 
+def _with_units(rows: list[str], layout: TextLayout) -> TextLayout:
+    """The layout with the unit that most cells of a column have, where all have one, in its name too."""
+    cells = [row for line in rows if layout.is_data(row := layout.filled(line))]
+    units = []
+    for column in itertools.zip_longest(*cells, fillvalue=""):
+        found = [layout.with_unit(cell) for cell in column if layout.number(cell) not in ("", "0", "nan")]
+        counted = Counter(each[1] for each in found if each is not None)
+        units.append(counted.most_common(1)[0][0] if counted.total() == len(found) > 0 else "")
+    named = itertools.zip_longest(layout.names, units[: layout.width], fillvalue="")
+    names = (name if said_by(name).unit == unit_of(unit) else with_unit(name, unit).strip() for name, unit in named)
+    return replace(layout, units=tuple(units), names=tuple(names) if any(units) else layout.names)
+
+
 def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
     """Whether the numbers have a mark between thousands."""
     mark, grouped = layout.grouping
-    return any(mark in cell and grouped.fullmatch(cell) for line in rows for cell in layout.cells(line))
+    cells = (cell for line in rows for cell in layout.cells(line) if mark in cell)
+    return any(grouped.fullmatch((layout.with_unit(cell) or (cell,))[0]) for cell in cells)
 
 
 def _points_of_thousands(rows: list[str], layout: TextLayout) -> tuple[str, ...]:

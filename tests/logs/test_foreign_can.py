@@ -49,7 +49,7 @@ def save(path: Path, record: Record) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".asc", ".blf", ".log"])
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".log", ".trc"])
 def test_round_trip(tmp_path: Path, suffix: str) -> None:
     """Signals are in their units, messages are joined, frames of no message are counted."""
     record = Record(1)

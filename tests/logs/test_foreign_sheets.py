@@ -12,7 +12,8 @@ import openpyxl
 import pytest
 
 import rw_ekf
-from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.reader import read_log, read_table
 from tests.foreign_logs import (
     Record,
     assert_same,
@@ -71,6 +72,36 @@ def test_units_below_the_names_are_part_of_them(tmp_path: Path) -> None:
     assert log.in_rpm
     log = read_with(path, "time_s: 't [s]'", "speed_rad_s: 'n [rpm]'", "current_A: 'i [A]'")
     assert "its name says rpm" in log.faults[0]
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        [["group", "wheel", "motor", None], ["signal", "speed", "current", "current_cmd"],
+         ["unit", "deg/s", "mA", "mA"], ["t [ms]"]],  # pandas to_excel, whose cells of one group are merged
+        [["Run 7"], ["Time", "Wheel speed", "Motor current", "Housing"], ["ms", "deg/s", "mA", "degC"],
+         ["vacuum", "Hall, signed", "LEM LTS 6-NP", "PT100"]],
+        [["time [ms]", "Wheel\nspeed", "Motor current", "Command"], [None, "Unit: deg/s", "Unit: mA", "Unit: mA"],
+         [None, "Type: double", "Type: double", "Type: double"]],
+        [["", "measured", None, "set-point"], ["t [ms]", 'speed, "filtered" [deg/s]', "current [mA]", "current [A]"]],
+    ],
+)  # fmt: skip
+def test_what_stands_above_a_sheet_s_numbers_is_read_as_in_a_text(tmp_path: Path, above: list[list[Any]]) -> None:
+    """Levels, remarks below the units, a key at each cell, a row of groups: each column in its unit."""
+    run = rw_ekf.simulate("steps", duration_s=60.0, seed=5)
+    values = np.c_[np.arange(len(run)) * 100, np.degrees(run.speed_rad_s), 1e3 * run.current_A, np.full(len(run), 0.5)]
+    path = save(tmp_path / "a.xlsx", {"a": [*above, *values.tolist()]})
+    log = rw_ekf.read(path)
+    assert np.allclose(log.time_s, 0.1 * np.arange(len(run)))
+    assert np.allclose(log.speed_rad_s, run.speed_rad_s)
+    assert np.allclose(log.current_A, run.current_A)
+
+
+def test_a_column_without_a_name_moves_no_other_s(tmp_path: Path) -> None:
+    """One name fewer than cells, above a count of the rows, is an index in a text; in a sheet each has its place."""
+    rows = [[row, 10.0 * math.sin(row), 0.5, 7.0] for row in range(50)]
+    path = save(tmp_path / "a.xlsx", {"a": [["t [s]", "n [rpm]", "I [A]"], *rows]})
+    assert read_table(path, ColumnMap()).names == ("t [s]", "n [rpm]", "I [A]", "")
 
 
 def test_dates_and_times_of_day_are_seconds(tmp_path: Path) -> None:

@@ -111,6 +111,11 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         lambda i, t, w, c: f"{_at(t).isoformat(timespec='microseconds')} b3 rwd[{812 + i // 300}]: TLM seq={i} "
         f"rpm={abs(w) * RPM!r} dir={'CW' if w >= 0.0 else 'CCW'} iq_mA={c * MA!r} temp_C=28.5 err=0x00",
     ).encode(),
+    "lines of ESP-IDF, in colours": lambda r: _table(
+        r, "ets Jul 29 2019 12:21:46\n\x1b[0;33mW (355) rw: no calibration\x1b[0m",
+        lambda i, t, w, c: f"\x1b[0;3{2 + i % 2}m{'IW'[i % 2]} ({1402 + round(1e3 * t)}) rw: w={w!r} rad/s "
+        f"i={c * MA!r} mA T=23.9 C\x1b[0m" + "\nI (13910) wifi: bcn_timout" * (i == 99),
+    ).encode(),
     "lines of Python's logging": lambda r: _table(
         r, "starting", lambda i, t, w, c: f"{_at(t).strftime('%Y-%m-%d %H:%M:%S,%f')[:-3]} - rw - "
         f"{'WARNING' if i % 7 == 0 else 'INFO'} - rpm={w * RPM!r} i_mA={c * MA!r}",
@@ -209,6 +214,12 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         "units": {"t": "s", "speed": "rpm", "i": "A"}, "data": {
             "t": [row[0] for row in r], "speed": [row[1] * RPM for row in r], "i": [row[2] for row in r]}
     }).encode(),
+    "a range that Prometheus answers": lambda r: json.dumps({"status": "success", "data": {"resultType": "matrix",
+        "result": [
+            {"metric": {"__name__": name, "job": "rw"},
+             "values": [[1700491320.0 + row[0], repr(size * row[column])] for row in r]}
+            for name, column, size in (("rw_wheel_speed_rpm", 1, RPM), ("rw_motor_current_amperes", 2, 1.0))]}}
+    ).encode(),
     "pandas, split": lambda r: json.dumps({
         "columns": ["time_s", "omega (rad/s)", "iq (A)"], "index": list(range(len(r))),
         "data": [list(row) for row in r]
@@ -223,6 +234,37 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "Name\tfActVelo\tnActCurrent\tName\tfTemp\nSampleTime[ms]\t20\t20\tSampleTime[ms]\t20\n"
         "BitMask\t0xFF\t0xFF\tBitMask\t0xFF\nUnit\t\u00b0/s\tmA\tUnit\t\u00b0C\n",
         lambda i, t, w, c: f"{1e3 * t!r}\t{math.degrees(w)!r}\t{c * MA!r}\t{1e3 * t!r}\t20",
+    ).encode(),
+    "levels of pandas, the index below them": lambda r: _table(
+        r, "group,wheel,motor,motor\nsignal,speed,current,current_cmd\nunit,deg/s,mA,mA\nt [ms],,,",
+        lambda i, t, w, c: f"{1e3 * t!r},{math.degrees(w)!r},{c * MA!r},0.0",
+    ).encode(),
+    "two levels of pandas without names of their own": lambda r: _table(
+        r, ",omega,iq\n,rad/s,A\ntime_s,,", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"
+    ).encode(),
+    "remarks below the units": lambda r: _table(
+        r, "Time\tWheel speed\tMotor current\ns\trpm\tmA\nrun 7, 2e-5 mbar\tHall, signed\tLEM LTS 6-NP",
+        lambda i, t, w, c: f"{t!r}\t{w * RPM!r}\t{c * MA!r}", "\r\n",
+    ).encode(),
+    "a key at each cell": lambda r: _table(
+        r, "time,Wheel speed,Motor current\n,Unit: deg/s,Unit: mA\n,Type: double,Type: double\n"
+        ",BlockPath: rig/Enc,BlockPath: rig/ADC\n,PortIndex: 1,PortIndex: 2",
+        lambda i, t, w, c: f"{t!r},{math.degrees(w)!r},{c * MA!r}",
+    ).encode(),
+    "units in the cells, of another size in each row": lambda r: _table(
+        r, '"Time","RW1 wheel speed","RW1 motor current"',
+        lambda i, t, w, c: f"{_at(t).isoformat(sep=' ', timespec='milliseconds')[:23]},{w * RPM!r} rpm,"
+        + (f"{c * 1e6!r} µA" if abs(c) < 1e-3 else f"{c * MA!r} mA" if abs(c) < 0.1 else f"{c!r} A"),
+    ).encode(),
+    "units in the cells, decimal comma": lambda r: _table(
+        r, "Zeit;Drehzahl;Strom",
+        lambda i, t, w, c: f"{_comma(t)} s;{_comma(w * RPM)} 1/min;{_comma(c, 12)} A" if abs(c) > 0.1
+        else f"{_comma(t)} s;{_comma(w * RPM)} 1/min;{_comma(c * MA)} mA",
+    ).encode(),
+    "counts beside what they are converted to": lambda r: _table(
+        r, "TARGET,TIMEFORMATTED,SEQ,RW1_SPEED(RAW),RW1_SPEED(U),RW1_MOT_CUR(RAW),RW1_MOT_CUR(U),RW1_MODE",
+        lambda i, t, w, c: f"SIM,{_at(t).strftime('%Y/%m/%d %H:%M:%S.%f')[:-3]},{i},{round(w * RPM * 5)},"
+        f"{w * RPM!r} RPM,{round(2048 + c * 2000)},{c!r} A,IDLE",
     ).encode(),
     "set-point beside it": lambda r: _table(
         r, "t [s],speed_ref [rpm],speed [rpm],i_ref [A],i_q [A],i_d [A],v_bus [V],status",
@@ -303,6 +345,21 @@ def test_two_runs_in_one_file_are_two_segments(tmp_path: Path, run: rw_ekf.Log) 
     assert len(log) == 400
     assert int(log.segment.max()) == 1
     assert int(log.segment[200]) == 1
+
+
+def test_runs_of_gnuplot_are_segments_and_a_comment_on_one_is_no_name(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Blank lines and comments between runs that begin at zero each: a segment each, and `t/s` is the time's name."""
+    rows = _rows(run)
+    (tmp_path / "lab.dat").write_text("\n\n\n".join(
+        f"# disc, bearing cleaned\n# Run {n}\n# t/s{'n/min^-1':>27s}{'I/A':>20s}\n"
+        + "".join(f"{t - part[0][0]:9.2f}{w * RPM:24.12f}{c:22.14f}\n" for t, w, c in part)
+        for n, part in enumerate((rows[:201], rows[201:]))
+    ))  # fmt: skip
+    assert rw_ekf.guess_columns(tmp_path / "lab.dat").document()["map"]["time_s"]["column"] == "t/s"
+    log = rw_ekf.read(tmp_path / "lab.dat")
+    assert np.bincount(log.segment).tolist() == [201, 399]
+    assert log.time_s[201] == 0.0
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
 
 
 def test_stamps_of_whole_seconds_are_spread(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -437,17 +494,21 @@ def test_a_damaged_row_gives_no_value_to_another_column(tmp_path: Path) -> None:
     ("header", "factor"),
     [
         ("%time,field.header.stamp,field.velocity0,field.effort0", 1.0),
+        (
+            "timestamp,fault,velocity,q_current,mode,position,torque,d_current,voltage,temperature",
+            0.5 / math.pi,
+        ),
         ("t_ns,t2_ns,axis0.encoder.vel_estimate,axis0.motor.current_control.Iq_measured", 0.5 / math.pi),
     ],
 )
 def test_a_program_s_own_names_have_the_units_that_it_publishes(
     tmp_path: Path, run: rw_ekf.Log, header: str, factor: float
 ) -> None:
-    """ROS's JointState as `rostopic echo -p` prints it, ODrive's estimates in turns a second."""
+    """ROS's JointState as `rostopic echo -p` prints it, moteus's registers and ODrive's estimates in turns a second."""
 
     def line(i: int, t: float, w: float, c: float) -> str:
         stamp = 1652967301000000000 + round(1e9 * t)
-        return f"{stamp},{stamp},{factor * w!r},{c!r}"
+        return f"{stamp},{stamp},{factor * w!r},{c!r}" + ",10,0.5,0,0,24,28" * ("fault" in header)
 
     (tmp_path / "a.csv").write_text(_table(_rows(run), header, line))
     log = rw_ekf.read(tmp_path / "a.csv")

@@ -308,6 +308,106 @@ def test_durations_with_their_unit_in_the_cells_are_times(tmp_path: Path, run: r
     assert log.time_s == pytest.approx(run.time_s)
 
 
+@pytest.mark.parametrize(
+    ("cell", "asked"),
+    [
+        ("{x!r} mA|{x!r}", "no column is known to be the current"),  # a number without a unit among others
+        ("{x!r} mA|{x!r} V", "no column is known to be the current"),
+        ("{x!r} furlongs|{x!r} furlongs", "no column is known to be the current"),
+    ],
+)
+def test_cells_whose_units_do_not_fit_each_other_are_no_numbers(
+    tmp_path: Path, run: rw_ekf.Log, cell: str, asked: str
+) -> None:
+    """One unit for all of a column, or of one quantity: else what it measures is not known."""
+    kinds = cell.split("|")
+    found = _guess(tmp_path / "a.csv", _csv(
+        run, "Time,speed,current", lambda i, t, w, c: f"{t!r} s,{w!r} rad/s," + kinds[i % 2].format(x=1e3 * c + 1.0)
+    ))  # fmt: skip
+    assert [question.text.startswith(asked) for question in found.guess.questions] == [True]
+
+
+def test_a_unit_in_a_cell_speaks_louder_than_the_one_above(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`current [A]` over `12.3 mA`: the cells are in mA."""
+    found = _guess(
+        tmp_path / "a.csv", _csv(run, "t [s],n,I [A]", lambda i, t, w, c: f"{t!r} s,{w * RPM!r} rpm,{1e3 * c!r} mA")
+    )
+    log = rw_ekf.read(tmp_path / "a.csv", columns=found.column_map)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+@pytest.mark.parametrize("remark", ["x 10", "in 0.1 rpm", "supply current", "scale 0.1", "pole pairs 7"])
+def test_a_remark_below_the_units_that_speaks_against_them_is_asked_about(
+    tmp_path: Path, run: rw_ekf.Log, remark: str
+) -> None:
+    """A factor, another unit, a supply, a gear: what stands in a row of comments counts as much as a name."""
+    header = f"Time,Wheel speed,Current\ns,rpm,mA\nrun 7,{remark},{remark}"
+    assert not _guess(
+        tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}")
+    ).is_certain
+
+
+def test_cells_with_units_and_no_names_say_what_they_are(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Milliseconds, revolutions a minute with a mark between thousands, and milliamperes."""
+    text = _csv(run, "log", lambda i, t, w, c: f"{1e3 * t!r} ms;{30.0 * w * RPM:,.9f} rpm;{1e3 * c!r} mA")
+    assert "," in text
+    _guess(tmp_path / "a.txt", text)
+    log = rw_ekf.read(tmp_path / "a.txt")
+    assert log.time_s == pytest.approx(run.time_s)
+    assert log.speed_rad_s == pytest.approx(30.0 * run.speed_rad_s)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "X,Y1,Y2\nA,V,C\nt [s],speed [rpm],current [mA]",
+        "Device 1,Device 2,Device 3\ns,rpm,mA\ntime,speed,current",
+        "Time,Speed,Current\ns,rpm,mA\nData:,,",
+    ],
+)
+def test_names_are_not_lost_below_units_or_above_a_heading(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
+    """The letters of a sheet's columns are no units of the names below them, a heading is no name of the first."""
+    _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}"))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+def test_a_velocity_beside_less_than_moteus_has_keeps_its_question(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Names that are anybody's have a program's units only where all that it writes stand together."""
+    header = "timestamp,mode,position,velocity,q_current,d_current,voltage"
+    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},1,{w!r},{w!r},{c!r},0.1,24"))
+    assert "rpm, rad/s or deg/s" in found.text()
+
+
+def test_lines_of_two_tags_or_tasks_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """ESP-IDF's tag is who says a line; its level is not."""
+    text = _csv(run, "boot", lambda i, t, w, c: f"{'IW'[i % 2]} ({round(1e3 * t)}) rw{i % 2}: w={w!r} rad/s i={c!r} A")
+    assert not _guess(tmp_path / "a.log", text).is_certain
+
+
+def test_series_of_two_wheels_are_asked_about_and_of_other_times_put_on_one_clock(
+    tmp_path: Path, run: rw_ekf.Log
+) -> None:
+    """Labels that tell series apart are in their names; a series with a hole is held at the times of the others."""
+
+    def series(name: str, values: np.ndarray, first: int = 0, **labels: str) -> dict[str, object]:
+        rows = list(zip(run.time_s.tolist(), map(repr, values.tolist()), strict=True))[first:]
+        return {"metric": {"__name__": name, "job": "rw", **labels}, "values": rows}
+
+    def answer(*found: dict[str, object]) -> str:
+        return json.dumps({"status": "success", "data": {"resultType": "matrix", "result": found}})
+
+    current = series("current_amperes", run.current_A, 3)
+    two = answer(*(series("speed_rpm", k * run.speed_rad_s * RPM, wheel=f"rw{k}") for k in (1, 2)), current)
+    assert "'series 0.wheel=rw1 speed_rpm'" in _guess(tmp_path / "a.json", two).text()
+    _guess(tmp_path / "b.json", answer(series("speed_rpm", run.speed_rad_s * RPM), current))
+    log = rw_ekf.read(tmp_path / "b.json")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert log.current_A[3:] == pytest.approx(run.current_A[3:])
+
+
 def test_a_line_that_names_another_wheel_between_the_rows_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Two logs put under each other, each with its wheel's number above it."""
     one = _csv(run, "t_s,rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")

@@ -1,4 +1,4 @@
-"""CAN logs (Vector ASC and BLF, candump), decoded with the database that the column map names."""
+"""CAN logs (Vector ASC and BLF, candump, PEAK's TRC), decoded with the database that the column map names."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rw_ekf.logs.raw_table import RawTable
 _BLF = b"LOGG"
 _ASC = re.compile(rb"(//[^\n]*\n)?(date [^\n]*\r?\n)?base +(hex|dec)")
 _CANDUMP = re.compile(rb"\(\d+\.\d+\) +\w+ +[0-9A-Fa-f]{3,8}#")
+_TRC = b";$FILEVERSION="
 _IDS_SHOWN = 8
 _DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 
@@ -94,7 +95,7 @@ def _messages(database: str) -> dict[tuple[int, bool], Any]:
 
 def _frames(path: Path) -> Any:
     """Data frames in the order of the file."""
-    from can.io import asc, blf, canutils
+    from can.io import asc, blf, canutils, trc
 
     with path.open("rb") as stream:
         head = stream.read(len(_BLF) + 256)
@@ -102,7 +103,8 @@ def _frames(path: Path) -> Any:
         with path.open("rb") as stream, blf.BLFReader(stream) as frames:
             yield from filter(_has_data, frames)
     else:
-        kind: Any = canutils.CanutilsLogReader if _CANDUMP.match(head) else asc.ASCReader
+        of_text: tuple[Any, Any] = canutils.CanutilsLogReader, asc.ASCReader
+        kind = trc.TRCReader if head.startswith(_TRC) else of_text[not _CANDUMP.match(head)]
         with path.open(encoding="utf-8", errors="replace") as text, kind(text) as frames:
             yield from filter(_has_data, frames)
 
@@ -131,8 +133,8 @@ def _shown(ids: dict[int, int]) -> str:
 
 FORMAT = foreign_format(
     "a CAN log",
-    lambda head, suffix: head.startswith(_BLF) or bool(_ASC.match(head) or _CANDUMP.match(head)),
-    "the first bytes 'LOGG' (BLF); the first lines of ASC or candump",
+    lambda head, suffix: head.startswith((_BLF, _TRC)) or bool(_ASC.match(head) or _CANDUMP.match(head)),
+    "the first bytes 'LOGG' (BLF); the first lines of ASC, candump or TRC",
     _read,
     Library("can", ("can", "cantools")),
     "decode it to CSV",

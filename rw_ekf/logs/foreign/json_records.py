@@ -12,6 +12,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.groups import Group, table_of_groups
 from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.interleaved import held
 from rw_ekf.logs.labels import remarks_beside, said_beside, units_beside
@@ -31,11 +32,35 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         return _of_lines(text, name)
     if columns.variable is not None:
         document = _within(document, columns.variable, name)
+    if (groups := _series(document)) is not None:
+        return table_of_groups(groups, columns, name)
     found = _table_in(document, 0)
     if found is None:
         raise LogError(f"{name}: is JSON without a table: it takes a list of rows, or a list for each column")
     held, beside = found
     return _table(held, beside, name, lambda row: f"row {row + 1}")
+
+
+def _series(document: Any) -> list[Group] | None:
+    """The series of a range that Prometheus answers, those of the same times together; None for any other document.
+
+    Each is called what its metric is, after the labels that tell it from others of that name. Times are in s from 1970
+    (prometheus.io/docs/prometheus/latest/querying/api: `resultType` "matrix").
+    """
+    held = document.get("data", document) if isinstance(document, dict) else {}
+    result = held.get("result") if isinstance(held, dict) and held.get("resultType") == "matrix" else None
+    if not isinstance(result, list):
+        return None
+    metrics = [dict(one["metric"]) for one in result]
+    channels: dict[tuple[float, ...], dict[str, Any]] = {}
+    for metric, one in zip(metrics, result, strict=True):
+        called = metric.get("__name__", "value")
+        alike = [other for other in metrics if other.get("__name__", "value") == called]
+        telling = [key for key in sorted(metric) if len({other.get(key) for other in alike}) > 1]
+        label = " ".join((*(f"{key}={metric[key]}" for key in telling), called))
+        times = tuple(float(time) for time, _ in one["values"])
+        channels.setdefault(times, {})[label] = _column([value for _, value in one["values"]])
+    return [Group(f"series {number}", np.array(times), held) for number, (times, held) in enumerate(channels.items())]
 
 
 def _of_lines(text: str, name: str) -> RawTable:

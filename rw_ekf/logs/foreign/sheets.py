@@ -10,10 +10,10 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.foreign.guard import Library, foreign_format
-from rw_ekf.logs.labels import are_units, held_to_the_right
+from rw_ekf.logs.header_rows import with_names
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.text_cells import CELL, TextLayout, split_cells
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote before 2007
@@ -86,34 +86,26 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
         raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
     data = rows[first:]
     width = max(len(row) for _, row in data)
-    names, of_names = _names(rows[:first], width, columns)
+    above = [] if columns.csv.header is False else [_as_text(row, width) for _, row in rows[:first]]
+    skipped = sum(1 for number, _ in rows[:first] if number <= columns.csv.skip_rows)
+    layout = with_names(above, [], TextLayout(delimiter=CELL, width=width), skipped)
+    names = layout.names or ("",) * width
     filled = [column for column in range(width) if names[column] or any(_cell(row, column) != "" for _, row in data)]
     numbers = np.array([number for number, _ in data])
     held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
             for column in filled]  # fmt: skip
     kept = tuple(names[column] for column in filled)
-    above = tuple(_line(row) for _, row in rows[:first])
-    preamble = tuple(text for text in above[: len(above) - of_names] if text)
+    said = layout.preamble if above else [_as_text(row, width) for _, row in rows[:first]]
+    preamble = tuple(" ".join(filter(None, split_cells(line, CELL))) for line in said)
     table = RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
-    groups = [
-        str(_cell(row, column)).strip() for _, row in rows[first - of_names - 1 : first - of_names] for column in filled
-    ]
-    table.remarks = dict(zip(kept, held_to_the_right(groups), strict=False))
+    table.remarks = {name: text for name, text in zip(names, layout.remarks, strict=False) if name and text}
     return table
 
 
-def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -> tuple[list[str], int]:
-    """Names of the columns, and how many rows above the numbers have them: one, or two where the last has the units."""
-    if columns.csv.header is False:
-        above = []
-    texts = [[str(_cell(row, column)).strip() for column in range(width)] for _, row in above[-2:]]
-    if not texts:
-        return [""] * width, 0
-    last = texts[-1]
-    upper = texts[0] if len(texts) == 2 else [""] * width
-    if are_units(last) and all(name for name, unit in zip(upper, last, strict=True) if unit):
-        return list(map(with_unit, upper, last)), 2
-    return last, 1
+def _as_text(row: list[Any], width: int) -> str:
+    """A row as a line of a text, a name that was broken in one piece."""
+    cells = (" ".join(str(_cell(row, column)).split()) for column in range(width))
+    return CELL.join(f'"{cell.replace(chr(34), chr(34) * 2)}"' if '"' in cell else cell for cell in cells)
 
 
 def _cell(row: list[Any], column: int) -> Any:
