@@ -60,7 +60,7 @@ quick-tests:
 	$(BIN)/pytest -n auto --dist loadgroup -m "not slow"
 
 all-tests:
-	$(BIN)/pytest -n auto --dist loadgroup
+	$(BIN)/pytest -n auto --dist loadgroup --durations=25
 
 # Records of machines, which are no part of the project: DATA=/other/folder names where they are.
 proof-measured: $(INSTALLED)
