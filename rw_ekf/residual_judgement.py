@@ -25,8 +25,7 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
 
     Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
     the setup's is told apart from that. A model with effects is judged where the filter ended. Where one fit from
-    there, along the readings, leaves noise, that is the answer; only where it does not, the likeliest of several is
-    sought (of 14 wheels with pre-sliding friction the one fit leaves no noise in nine, the likeliest in three).
+    there, along the readings, clearly leaves noise, that is the answer; where not, the likeliest of several is asked.
     """
     if setup.fit_of_record is not None:
         return consistency_of_fit(setup.fit_of_record, setup.constants)
@@ -45,7 +44,7 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
         return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     near = fit_log(head, setup.constants, setup.prior.core, found, effort="least")
     judged = consistency_of_fit(near, setup.constants)
-    if judged.is_noise:
+    if judged.is_clearly_noise:
         return judged
     starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
     start = least_squares(head, setup.constants, setup.prior.core, starts=starts).parameters

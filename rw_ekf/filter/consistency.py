@@ -46,6 +46,11 @@ class Consistency:
         return min(self.whiteness_p, self.mean_p) > 0.5 * FALSE_ALARM and not self._structured
 
     @property
+    def is_clearly_noise(self) -> bool:
+        """Whether it is noise by ten times the least that would do: one healthy log in a hundred is not."""
+        return bool(self.is_noise) and min(self.whiteness_p or 0.0, self.mean_p or 0.0) > 5.0 * FALSE_ALARM
+
+    @property
     def _structured(self) -> bool:
         return self.structure_p is not None and self.structure_p < STRUCTURE_P
 

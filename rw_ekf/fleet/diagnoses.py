@@ -13,13 +13,14 @@ from rw_ekf import __version__
 from rw_ekf.console import printable
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import Executor
-from rw_ekf.fleet.folder import FleetFolder, diagnosis_path
-from rw_ekf.fleet.index import FleetIndex, FleetLog, read_index
-from rw_ekf.fleet.plan import FleetSettings, checksum
+from rw_ekf.fleet.folder import FleetFolder, diagnosis_path, part_path
+from rw_ekf.fleet.index import FleetIndex, FleetLog
+from rw_ekf.fleet.plan import FleetSettings, PlannedLog, checksum, plan_of
 from rw_ekf.fleet.result_rows import FAILED, OK
+from rw_ekf.fleet.wheel_trends import WheelTrend
 from rw_ekf.fleet.window_diagnosis import SCHEMA as WINDOW_SCHEMA
 from rw_ekf.fleet.window_diagnosis import VERSION, WindowTask, diagnose_window
-from rw_ekf.fleet.windows import Window
+from rw_ekf.fleet.windows import Window, windows_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.plain_file import json_of
 from rw_ekf.shown import Shown
@@ -35,7 +36,7 @@ class WindowFinding:
     wheel: str
     day: str
     log: str
-    content: str  # checksum of the log that was diagnosed
+    result: str  # checksum of the result that asked, and so of the log, the model and the settings
     why: str
     status: str  # `ok`, `failed: ` and why, or `not done: ` and why
     kind: str | None = None
@@ -92,22 +93,45 @@ class Diagnoses(Shown):
         return "\n".join(lines)
 
 
+def windows_asked(
+    folder: FleetFolder, index: FleetIndex, settings: FleetSettings, wheels: Sequence[WheelTrend], most: int
+) -> tuple[list[Window], int]:
+    """The windows of these wheels, the worst first, at most so many, and how many more ask.
+
+    Only of logs whose result is there as they and the settings are now, and of logs that are gone only what is
+    diagnosed already. Raises BadInputError where no result is of these logs and settings.
+    """
+    planned = _with_results(folder, index, settings)
+    if not planned:
+        raise BadInputError(
+            f"{folder.path}: no result in it is of these logs with these settings: `rw-ekf fleet run` first, with the "
+            "same --config, --wheel, --model and --columns"
+        )
+
+    def can_be(window: Window) -> bool:
+        item = planned.get((window.wheel, window.log))
+        if item is None or not item.log.gone:
+            return item is not None
+        return _document(_task(folder, index, settings, item.log, window.day).path) is not None
+
+    return windows_of(wheels, most, can_be)
+
+
 def diagnose_windows(
     folder: FleetFolder, index: FleetIndex, settings: FleetSettings, asked: tuple[Sequence[Window], int],
     executor: Executor, tick: Callable[[int], object] = lambda n: None,
 ) -> Diagnoses:  # fmt: skip
-    """Diagnose the windows that have no diagnosis yet.
-
-    asked: as `windows_of` gives them; what is of a log that the index
-    no longer has is passed over, as `fleet run` will forget its results.
+    """Diagnose the windows that have no diagnosis yet. asked: as `windows_asked` gives them.
 
     tick(n): n windows more are done. Raises BadInputError where the folder cannot be written, RwEkfError where the
     executor is lost.
     """
     began_s = time.perf_counter()
-    logs = {(log.wheel, log.log): log for log in index.logs}
-    windows, left_out = [window for window in asked[0] if (window.wheel, window.log) in logs], asked[1]
-    tasks = {window: _task(folder, index, settings, logs[window.wheel, window.log], window) for window in windows}
+    windows, left_out = asked
+    planned = _with_results(folder, index, settings)
+    tasks = {
+        window: _task(folder, index, settings, planned[window.wheel, window.log].log, window.day) for window in windows
+    }
     missing = {task.path: task for task in tasks.values() if _document(task.path) is None}
     tick(len(windows) - len(missing))
     waiting: dict[str, str] = {}
@@ -117,49 +141,66 @@ def diagnose_windows(
         tick(1)
         if done.error is not None:
             waiting[done.key] = str(done.error) or type(done.error).__name__
-    findings = [_finding(folder, window, task, waiting) for window, task in tasks.items()]
+    findings = [
+        _finding(folder, window, planned[window.wheel, window.log].input_hash, Path(task.path), waiting)
+        for window, task in tasks.items()
+    ]
     found = Diagnoses(
         str(folder.path), tuple(findings), len(missing) - len(waiting), left_out,
         round(time.perf_counter() - began_s, 3),
     )  # fmt: skip
-    write_text(folder.diagnosed, found.to_json())
+    known = {(window.wheel, window.day, window.log) for window in findings}
+    earlier = [window for window in _still_true(folder) if (window.wheel, window.day, window.log) not in known]
+    write_text(folder.diagnosed, replace(found, windows=(*findings, *earlier)).to_json())
     return found
 
 
 def read_diagnoses(folder: FleetFolder) -> dict[str, list[WindowFinding]]:
-    """What `fleet diagnose` last found, by wheel; what is of a log that has changed since is left out.
-
-    Raises BadInputError for a damaged document.
-    """
-    try:
-        data = json_of(folder.diagnosed.read_bytes())
-    except OSError:
-        return {}
-    index = read_index(folder)
-    current = {} if index is None else {(log.wheel, log.log): log.content for log in index.logs}
+    """What `fleet diagnose` found, by wheel: of days whose results are still what it stands on."""
     found: dict[str, list[WindowFinding]] = {}
-    try:
-        for entry in data["windows"]:
-            window = WindowFinding(**{**entry, "effects": tuple(entry["effects"])})
-            if current.get((window.wheel, window.log)) == window.content:
-                found.setdefault(window.wheel, []).append(window)
-    except (LookupError, TypeError):
-        raise BadInputError(f"{folder.diagnosed}: is damaged: `rw-ekf fleet diagnose` writes it anew") from None
+    for window in _still_true(folder):
+        found.setdefault(window.wheel, []).append(window)
     return found
 
 
-def _task(folder: FleetFolder, index: FleetIndex, settings: FleetSettings, log: FleetLog, window: Window) -> WindowTask:
+def _still_true(folder: FleetFolder) -> list[WindowFinding]:
+    """The diagnosed windows of the document; none of one that is damaged, which the next `fleet diagnose` replaces."""
+    try:
+        data = json_of(folder.diagnosed.read_bytes())
+        if data["schema"] != SCHEMA:
+            return []
+        windows = [WindowFinding(**{**entry, "effects": tuple(entry["effects"])}) for entry in data["windows"]]
+    except (OSError, LookupError, TypeError):
+        return []
+    return [
+        window
+        for window in windows
+        if window.status == OK and part_path(folder.results, window.wheel, window.day, window.result).is_file()
+    ]
+
+
+def _with_results(folder: FleetFolder, index: FleetIndex, settings: FleetSettings) -> dict[tuple[str, str], PlannedLog]:
+    """The logs that have a result as they are now, with these settings."""
+    return {
+        (item.log.wheel, item.log.log): item
+        for logs in plan_of(index, settings).values()
+        for item in logs
+        if item.path(folder.results).is_file()
+    }
+
+
+def _task(folder: FleetFolder, index: FleetIndex, settings: FleetSettings, log: FleetLog, day: str) -> WindowTask:
     model, configuration = settings.plain(log.wheel)
-    name = checksum([VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, window.day])
-    path = diagnosis_path(folder.diagnoses.absolute(), log.wheel, window.day, name)
-    return WindowTask(index.directory, str(path), log, window.day, model, configuration, settings.columns)
+    name = checksum([VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, day])
+    path = diagnosis_path(folder.diagnoses.absolute(), log.wheel, day, name)
+    return WindowTask(index.directory, str(path), log, day, model, configuration, settings.columns)
 
 
-def _finding(folder: FleetFolder, window: Window, task: WindowTask, waiting: Mapping[str, str]) -> WindowFinding:
-    base = WindowFinding(window.wheel, window.day, window.log, task.log.content, window.why, OK)
-    data, path = _document(task.path), Path(task.path)
+def _finding(folder: FleetFolder, window: Window, result: str, path: Path, waiting: Mapping[str, str]) -> WindowFinding:
+    base = WindowFinding(window.wheel, window.day, window.log, result, window.why, OK)
+    data = _document(str(path))
     if data is None:
-        return replace(base, status=f"{_NOT_DONE}{waiting.get(task.path, 'the run was ended before it')}")
+        return replace(base, status=f"{_NOT_DONE}{waiting.get(str(path), 'the run was ended before it')}")
     beside = os.path.relpath(path.parent, folder.path.absolute())
     if str(data["status"]).startswith(FAILED):
         return replace(base, status=data["status"])

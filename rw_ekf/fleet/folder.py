@@ -76,7 +76,9 @@ class FleetFolder:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise BadInputError(f"{self.path}: another `fleet run` is at work here: wait for its end") from None
+                raise BadInputError(
+                    f"{self.path}: another `fleet run` or `diagnose` is at work here: wait for its end"
+                ) from None
             except OSError:  # a network file system without locks: two runs write the same files with the same bytes
                 pass
             yield

@@ -28,7 +28,7 @@ def page_of(trends: Trends) -> str:
     """The page, in one file that needs no other."""
     wheels = trends.worst_first
     told = [_wheel(wheel, trends.told_of(wheel), with_courses=place < _COURSES) for place, wheel in enumerate(wheels)]
-    worth = sum(bool(wheel["findings"]) for wheel in told)
+    worth = sum(trends.is_worth_a_look(wheel) for wheel in wheels)
     values = {
         "title": f"A fleet of {len(wheels)} wheels",
         "folder": trends.folder,

@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.daily import read_days
-from rw_ekf.fleet.diagnoses import Diagnoses, diagnose_windows, read_diagnoses
+from rw_ekf.fleet.diagnoses import Diagnoses, diagnose_windows, read_diagnoses, windows_asked
 from rw_ekf.fleet.executors import executor_of
 from rw_ekf.fleet.fleet_run import FleetRun, run_fleet
 from rw_ekf.fleet.folder import FleetFolder, fleet_folder
@@ -19,7 +18,6 @@ from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FleetShape, simulate_fleet
 from rw_ekf.fleet.trend_document import Trends
 from rw_ekf.fleet.wheel_trends import trends_of
-from rw_ekf.fleet.windows import windows_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.one_thread import one_thread
 
@@ -104,11 +102,12 @@ def diagnose(
     """
     folder = fleet_folder(directory, out)
     settings = settings_of(model, configuration, columns)
-    asked = windows_of(_trends(folder, ()).worst_first, most)
-    index = read_index(folder)
-    if index is None:
-        raise BadInputError(f"{folder.index}: is not there or damaged: `rw-ekf fleet build` makes it anew")
+    with one_thread():
+        found = trends_of(read_days(folder), {})
+    wheels = Trends(str(folder.path), found, {}).worst_first
+    index = _indexed(folder, directory, keep_gone=True)
     with folder.locked(), executor_of(workers, scheduler) as executor:
+        asked = windows_asked(folder, index, settings, wheels, most)
         return diagnose_windows(folder, index, settings, asked, executor, tick)
 
 

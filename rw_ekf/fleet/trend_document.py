@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.fleet.diagnoses import WindowFinding
-from rw_ekf.fleet.findings import concern_of, days_about, sentences
+from rw_ekf.fleet.findings import concern_of, days_about, finding_kinds, sentences
 from rw_ekf.fleet.remaining import Limit
 from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend
 from rw_ekf.model.state import STATE_UNITS
@@ -62,19 +62,23 @@ class Trends(Shown):
         """The windows of a wheel that were diagnosed."""
         return self.diagnosed.get(wheel.days.wheel, [])
 
+    def is_worth_a_look(self, wheel: WheelTrend) -> bool:
+        """Whether something is found of it, or a diagnosis says that the model lacks something."""
+        return bool(finding_kinds(wheel)) or any(window.kind != "adequate" for window in self.diagnosed_of(wheel))
+
     def told_of(self, wheel: WheelTrend) -> list[str]:
         """Its findings and what was diagnosed, as sentences."""
         return [*sentences(wheel), *(f"diagnosed, {window.text}" for window in self.diagnosed_of(wheel))]
 
     @property
     def worst_first(self) -> list[WheelTrend]:
-        """Wheels of which something is told before the others, the surest first; of equals the faster change."""
-        return sorted(self.found.wheels, key=lambda wheel: (not self.told_of(wheel), *_order(wheel)))
+        """Wheels worth a look before the others, the surest first; of equals the faster change."""
+        return sorted(self.found.wheels, key=lambda wheel: (not self.is_worth_a_look(wheel), *_order(wheel)))
 
     def text(self) -> str:
         """What `fleet trends` prints."""
         wheels = self.worst_first
-        worth = [wheel for wheel in wheels if self.told_of(wheel)]
+        worth = [wheel for wheel in wheels if self.is_worth_a_look(wheel)]
         lines = [f"{self.folder}: {len(wheels)} wheels, {len(worth)} with something to look at"]
         for wheel in worth[:_SHOWN_WHEELS]:
             lines += [printable(f"  {wheel.days.wheel}: {text}") for text in self.told_of(wheel)]

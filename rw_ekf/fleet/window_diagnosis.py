@@ -6,15 +6,15 @@ is done comes last; so a run that was killed goes on, and the same window done a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.errors import RwEkfError
+from rw_ekf.errors import LogError, RwEkfError
 from rw_ekf.fleet.index import FleetLog
 from rw_ekf.fleet.result_rows import FAILED, OK
+from rw_ekf.json_output import json_text
 
 if TYPE_CHECKING:
     from rw_ekf.logs.column_map import ColumnMap
@@ -49,16 +49,17 @@ def diagnose_window(task: WindowTask) -> str:
     path = Path(task.path)
     make_folder(path.parent)
     found: dict[str, Any] = {"schema": SCHEMA, "status": OK, "diagnosis": None, "model": None}
+    model = None
     try:
         with one_thread():
             found["diagnosis"], model = _diagnosed(task)
-        if model is not None:
-            beside = path.with_name(f"{path.stem}.model.yaml")
-            write_text(beside, model, follow=False)
-            found["model"] = beside.name
     except (RwEkfError, ArithmeticError, ValueError) as error:  # the latter two from the depths of the linear algebra
         found["status"] = f"{FAILED}{str(error).replace(f'{task.directory}/', '')}"
-    write_text(path, json.dumps(found), follow=False)
+    if model is not None:
+        beside = path.with_name(f"{path.stem}.model.yaml")
+        write_text(beside, model, follow=False)
+        found["model"] = beside.name
+    write_text(path, json_text(found), follow=False)
     return str(found["status"])
 
 
@@ -74,6 +75,8 @@ def _diagnosed(task: WindowTask) -> tuple[dict[str, Any], str | None]:
     begins_utc = moment_of(task.log.begins_utc)
     assert begins_utc is not None
     log = read_log(Path(task.directory) / task.log.log, task.columns)
-    day = next(each for each in days_of_log(log, begins_utc) if each.day == task.day)
+    day = next((each for each in days_of_log(log, begins_utc) if each.day == task.day), None)
+    if day is None:
+        raise LogError(f"{task.log.log}: has no row of {task.day}")
     found = diagnose_log(day.log, configuration, model)
     return found.document(), None if found.model is None else found.model.to_text()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from rw_ekf.fleet.wheel_trends import WheelTrend
 # Chance that a wheel whose residual is noise is looked at for it, over its whole record. A tenth or ten times of it
 # moves the count of days that asks by one: at 365 days it takes four (FALSE_ALARM of each).
 _BY_CHANCE = 1e-3
-_SAYS = {"ages": "ages", "unlike": "is unlike its siblings'"}
+_SAYS = {"ages": "ages", "unlike": "stands out among its siblings"}
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,14 @@ class Window:
     why: str
 
 
-def windows_of(wheels: Sequence[WheelTrend], most: int) -> tuple[list[Window], int]:
+def windows_of(
+    wheels: Sequence[WheelTrend], most: int, can_be: Callable[[Window], bool] = lambda window: True
+) -> tuple[list[Window], int]:
     """The windows of a fleet, at most so many, and how many more asked.
 
-    wheels: the worst first. Each wheel's first window comes before anyone's second.
+    wheels: the worst first. Each wheel's first window comes before anyone's second. can_be: of what may be diagnosed.
     """
-    asked = [list(_of_wheel(wheel)) for wheel in wheels]
+    asked = [[window for window in _of_wheel(wheel) if can_be(window)] for wheel in wheels]
     by_rank = [found[rank] for rank in range(max(map(len, asked), default=0)) for found in asked if rank < len(found)]
     return by_rank[:most], len(by_rank[most:])
 
@@ -52,23 +54,28 @@ def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
     good = np.flatnonzero(days.ok)
     if not good.size:
         return
-    found = [each for each in finding_kinds(wheel) if each[0] in ("changed", *_SAYS)]
-    for kind, name, about in found:
-        if kind == "changed":
-            yield rows_about(wheel.parameters[name], about.before)[1], f"the first day after a step of {name}"
-        else:
-            yield int(good[-1]), f"the newest day: its {name} {_SAYS[kind]}"
-    for name, trend in wheel.parameters.items():
-        for row in trend.course.known.far_off[::-1]:
-            yield int(row), f"{name} is far off the days around it"
+    steps = [
+        (*rows_about(wheel.parameters[name], about.before), name)
+        for kind, name, about in finding_kinds(wheel)
+        if kind == "changed"
+    ]
+    steps.sort(key=lambda step: -step[0])  # the newest first
+    for _, after, name in steps:
+        yield after, f"the first day after a step of {name}"
+    standing = [(kind, name) for kind, name, _ in finding_kinds(wheel) if kind in _SAYS]
+    for kind, name in standing:
+        yield int(good[-1]), f"the newest day: its {name} {_SAYS[kind]}"
+    far = [(int(row), name) for name, trend in wheel.parameters.items() for row in trend.course.known.far_off]
+    for row, name in sorted(far, key=lambda each: -each[0]):
+        yield row, f"{name} is far off the days around it"
     alarmed = np.flatnonzero(days.ok & (np.nan_to_num(days.alarms) > 0.0))
     if alarmed.size:
         yield int(alarmed[-1]), f"the watch raised {int(days.alarms[alarmed[-1]])} alarms on it"
     unlike_noise = np.flatnonzero(days.ok & days.not_noise)
     if unlike_noise.size and bdtrc(unlike_noise.size - 1, good.size, FALSE_ALARM) < _BY_CHANCE:
         yield int(unlike_noise[-1]), f"its residual is no noise, as on {unlike_noise.size} of {good.size} days"
-    for kind, name, about in found:  # what it was like before stands beside it
-        if kind == "changed":
-            yield rows_about(wheel.parameters[name], about.before)[0], f"the last day before a step of {name}"
-        elif kind == "ages":
+    for before, _, name in steps:  # what it was like before stands beside it
+        yield before, f"the last day before a step of {name}"
+    for kind, name in standing:
+        if kind == "ages":
             yield int(good[0]), f"the oldest day: its {name} {_SAYS[kind]}"

@@ -12,15 +12,15 @@ import pytest
 
 import rw_ekf
 from rw_ekf.cli import main
-from rw_ekf.commands.inputs import map_path
-from rw_ekf.fleet.diagnoses import diagnose_windows, read_diagnoses
+from rw_ekf.errors import BadInputError
+from rw_ekf.fleet.diagnoses import diagnose_windows, read_diagnoses, windows_asked
 from rw_ekf.fleet.executors import ProcessExecutor
 from rw_ekf.fleet.folder import FleetFolder, fleet_folder
-from rw_ekf.fleet.index import read_index
+from rw_ekf.fleet.index import built_index, read_index
 from rw_ekf.fleet.plan import FleetSettings
 from rw_ekf.fleet.wheel_trends import trends_of
+from rw_ekf.fleet.window_diagnosis import WindowTask, diagnose_window
 from rw_ekf.fleet.windows import Window, windows_of
-from rw_ekf.logs.column_map import load_column_map
 from rw_ekf.wheel.model_file import read_model
 from tests.contract import check_document
 from tests.fleet.fleets import run_with
@@ -77,9 +77,12 @@ def test_an_undeclared_drag_is_found_on_the_days_that_have_it(logs: Path, execut
 
 
 @pytest.mark.slow
-def test_what_was_cut_short_changed_or_failed(logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A window without its document is done again to the same bytes; a damaged one too; a log that cannot be diagnosed
-    is a finding with the reason and status 1; of a log that changed since, trends say nothing any more."""
+def test_what_was_cut_short_changed_or_failed(logs: Path, tmp_path: Path) -> None:
+    """A window without its document is done again to the same bytes, a damaged one too; what cannot be done says why.
+
+    A shorter call forgets nothing of an earlier one. A damaged list is made anew. A log that changed is not looked at
+    before its new result, nor are results of other settings, and of the old one nothing is told any more.
+    """
     here = tmp_path / "logs"
     (here / "sound").mkdir(parents=True)
     for day in (1, 2):
@@ -97,22 +100,40 @@ def test_what_was_cut_short_changed_or_failed(logs: Path, tmp_path: Path, capsys
         second = _finding(folder, executor, *windows)
         assert (second.computed, second.windows) == (2, first.windows)
         assert path.read_bytes() == before
-        foreign = FleetSettings(columns=load_column_map(map_path("columns-emps.yaml")), columns_text="other columns")
-        (failed,) = _finding(folder, executor, windows[0], settings=foreign).windows
-        assert "column 't_s' is not in sound/2026-03-01.parquet" in failed.status
-        changed = here / "sound" / "2026-03-02.parquet"
-        changed.write_bytes(changed.read_bytes() + b"x")
-        path.unlink()
-        third = _finding(folder, executor, windows[0], replace(windows[1], why="asked again"))
-        (folder.path / str(first.windows[1].diagnosis)).unlink()
-        fourth = _finding(folder, executor, *windows, replace(windows[0], log="sound/forgotten.parquet"))
-    assert (third.whole, fourth.whole) == (True, False)
-    assert "changed while the fleet ran" in fourth.windows[1].status
-    rw_ekf.fleet.build(here)
-    assert [window.day for window in read_diagnoses(folder)["sound"]] == ["2026-03-01"]
-    folder.diagnosed.write_text('{"windows": [{}]}')
-    assert main(["fleet", "trends", str(here)]) == 2
-    assert "fleet diagnose` writes it anew" in capsys.readouterr().err
+        (other,) = _finding(folder, executor, replace(windows[0], day="2026-03-09")).windows
+        assert other.status == "failed: sound/2026-03-01.parquet: has no row of 2026-03-09"
+        assert [each.day for each in read_diagnoses(folder)["sound"]] == ["2026-03-01", "2026-03-02"]
+        folder.diagnosed.write_text('{"windows": [{}]}')
+        assert read_diagnoses(folder) == {}
+        assert main(["fleet", "trends", str(here)]) == 0
+        assert _finding(folder, executor, windows[0]).computed == 0
+    changed = here / "sound" / "2026-03-02.parquet"
+    content = changed.read_bytes()
+    changed.write_bytes(content[:500] + bytes(64) + content[564:])
+    index = built_index(here, read_index(folder), keep_gone=True)
+    asked = windows_asked(folder, index, FleetSettings(), rw_ekf.fleet.trends(here).worst_first, 9)
+    assert asked == ([], 0)
+    with pytest.raises(BadInputError, match="no result in it is of these logs"):
+        windows_asked(folder, index, FleetSettings(columns_text="others"), [], 9)
+    assert not rw_ekf.fleet.run(here, workers=1).whole
+    assert [each.day for each in read_diagnoses(folder)["sound"]] == ["2026-03-01"]
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_no_result(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the model cannot be written there is no document either, so that the next run does the window again."""
+    (log,) = (log for log in built_index(logs).logs if log.log == "drags/2026-03-06.parquet")
+    task = WindowTask(str(logs), str(tmp_path / "here" / "diagnosis.json"), log, "2026-03-06")
+
+    def no_room(path: Path, text: str, **options: object) -> None:
+        raise BadInputError(f"{path}: cannot be written (No space left on device)")
+
+    with monkeypatch.context() as full:
+        full.setattr("rw_ekf.logs.atomic.write_text", no_room)
+        with pytest.raises(BadInputError, match=r"model\.yaml: cannot be written"):
+            diagnose_window(task)
+    assert list((tmp_path / "here").iterdir()) == []
+    assert diagnose_window(task) == "ok"
 
 
 def test_windows_are_the_days_that_ask() -> None:
