@@ -6,6 +6,7 @@ Every worker needs rw_ekf of the same version, and sees logs and results under t
 from __future__ import annotations
 
 import uuid
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
@@ -26,6 +27,7 @@ class _InFlight:
     function: Callable[[Any], Any]
     argument: Any
     losses: int = 0
+    alone: bool = False
     future: Future | None = None
 
 
@@ -44,6 +46,7 @@ class DaskExecutor:
             ) from None
         self._running: dict[str, _InFlight] = {}
         self._added: list[Future] = []
+        self._suspects: deque[_InFlight] = deque()
 
     @property
     def cores(self) -> int:
@@ -55,8 +58,16 @@ class DaskExecutor:
         self._start(_InFlight(key, function, argument))
 
     def as_completed(self) -> Iterator[Done]:
-        """Each task as it ends. Raises RwEkfError where the scheduler is lost."""
-        while self._added:
+        """Each task as it ends. Raises RwEkfError where the scheduler is lost.
+
+        Dask blames whatever a worker had when it died, and gives up what was there several times: each of those is
+        tried once more, alone, to see whose fault it was.
+        """
+        while self._added or self._suspects:
+            if not self._added:
+                suspect = self._suspects.popleft()
+                suspect.alone = True
+                self._start(suspect)
             with self._client.as_current():
                 waiting = as_completed(self._added)
             self._added = []
@@ -64,6 +75,8 @@ class DaskExecutor:
                 task = self._running.pop(future.key)
                 if future.status not in ("finished", "error"):
                     self._again(task)
+                elif not task.alone and _is_blamed(future):
+                    self._suspects.append(task)
                 else:
                     yield _done(task.key, future)
                     future.release()
@@ -93,6 +106,10 @@ class DaskExecutor:
                 f"{self._address}: the Dask scheduler is lost: start it again and run again; what is written stays"
             )
         self._start(task)
+
+
+def _is_blamed(future: Future) -> bool:
+    return bool(future.status == "error") and isinstance(future.exception(), KilledWorker)
 
 
 def _done(key: str, future: Future) -> Done:

@@ -142,7 +142,7 @@ def guess(begin: float, target: float, period_s: float, parameters: FrictionPara
             begin, parameters.viscous, parameters.coulomb, parameters.static, stribeck.omega_s, stribeck.law
         )
     else:
-        friction = math.copysign(parameters.static, target or begin)
+        friction = math.copysign(parameters.static, begin if target == 0.0 else target)
     return ((target - begin) / period_s + friction) / parameters.motor_gain
 
 
