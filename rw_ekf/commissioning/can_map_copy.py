@@ -27,12 +27,13 @@ def scale_can_map(
     by_place: dict[str, float] = {}
     for key in factors.keys() - missing:
         by_place[places[key]] = by_place.get(places[key], 1.0) * factors[key]
-    done = {
-        place
-        for message in data.get("messages", ())
-        for signal in message.get("signals", ())
-        if (place := f"{message['name']}.{signal['name']}") in by_place and scale_field(signal, by_place[place])
-    }
+    done = set()
+    for message in data.get("messages", ()):
+        for signal in message.get("signals", ()):
+            place = f"{message['name']}.{signal['name']}"
+            if place in by_place:
+                scale_field(signal, by_place[place])
+                done.add(place)
     if "dbc" in data:
         # Every byte of a DBC is a character of Latin-1: what is not changed stays as it is.
         text, done = scaled_dbc((folder / data["dbc"]).read_bytes().decode("latin-1"), by_place)
@@ -42,13 +43,12 @@ def scale_can_map(
     return missing | {key for key in factors if places.get(key) not in done}
 
 
-def scale_field(field: dict[str, Any], factor: float) -> bool:
-    """Multiply the values of a field or signal: its scale, and its offset where it has one; True."""
+def scale_field(field: dict[str, Any], factor: float) -> None:
+    """Multiply the values of a field or signal: its scale, and its offset where it has one."""
     if factor != 1.0:
         field["scale"] = float(f"{field.get('scale', 1.0) * factor:.15g}")
         if field.get("offset"):
             field["offset"] = float(f"{field['offset'] * factor:.15g}")
-    return True
 
 
 def scaled_dbc(text: str, factors: Mapping[str, float]) -> tuple[str, set[str]]:

@@ -15,19 +15,14 @@ from typing import Any
 from distributed import Client, Future, KilledWorker, as_completed
 
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.fleet.executors import Done, WorkerLostError
+from rw_ekf.fleet.executors import Done, InFlight, WorkerLostError
 
 _CONNECTS_WITHIN_S = 10.0
 _MOST_LOSSES = 5  # of one task's result
 
 
 @dataclass
-class _InFlight:
-    key: str
-    function: Callable[[Any], Any]
-    argument: Any
-    losses: int = 0
-    alone: bool = False
+class _OnCluster(InFlight):
     future: Future | None = None
 
 
@@ -44,9 +39,9 @@ class DaskExecutor:
                 f"--scheduler {address}: no Dask scheduler answers ({str(error).splitlines()[0]}): start one with "
                 "`dask scheduler`, workers with `dask worker ADDRESS`"
             ) from None
-        self._running: dict[str, _InFlight] = {}
+        self._running: dict[str, _OnCluster] = {}
         self._added: list[Future] = []
-        self._suspects: deque[_InFlight] = deque()
+        self._suspects: deque[_OnCluster] = deque()
 
     @property
     def cores(self) -> int:
@@ -55,7 +50,7 @@ class DaskExecutor:
 
     def submit(self, key: str, function: Callable[[Any], Any], argument: Any) -> None:
         """Send a task; a name of its own keeps Dask from taking it for one that it has done before."""
-        self._start(_InFlight(key, function, argument))
+        self._start(_OnCluster(key, function, argument))
 
     def as_completed(self) -> Iterator[Done]:
         """Each task as it ends. Raises RwEkfError where the scheduler is lost.
@@ -92,13 +87,13 @@ class DaskExecutor:
         self._client.cancel([task.future for task in self._running.values()])
         self._client.close()
 
-    def _start(self, task: _InFlight) -> None:
+    def _start(self, task: _OnCluster) -> None:
         name = f"rw-ekf-{uuid.uuid4().hex}"
         task.future = self._client.submit(task.function, task.argument, key=name, pure=False)
         self._running[name] = task
         self._added.append(task.future)
 
-    def _again(self, task: _InFlight) -> None:
+    def _again(self, task: _OnCluster) -> None:
         """Send a task anew whose result went with the worker that had it. Raises RwEkfError where that is no help."""
         task.losses += 1
         if self._client.status != "running" or task.losses > _MOST_LOSSES:

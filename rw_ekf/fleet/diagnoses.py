@@ -14,9 +14,9 @@ from rw_ekf.console import printable
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import Executor
 from rw_ekf.fleet.folder import FleetFolder, diagnosis_path, part_path
-from rw_ekf.fleet.index import FleetIndex, FleetLog
+from rw_ekf.fleet.index import FleetIndex
 from rw_ekf.fleet.plan import FleetSettings, PlannedLog, checksum, plan_of
-from rw_ekf.fleet.result_rows import FAILED, OK
+from rw_ekf.fleet.result_rows import FAILED, NOT_DONE, OK
 from rw_ekf.fleet.wheel_trends import WheelTrend
 from rw_ekf.fleet.window_diagnosis import SCHEMA as WINDOW_SCHEMA
 from rw_ekf.fleet.window_diagnosis import VERSION, WindowTask, diagnose_window
@@ -26,7 +26,6 @@ from rw_ekf.plain_file import json_of
 from rw_ekf.shown import Shown
 
 SCHEMA = "rw_ekf.fleet_diagnoses/1"
-_NOT_DONE = "not done: "
 
 
 @dataclass(frozen=True)
@@ -93,34 +92,63 @@ class Diagnoses(Shown):
         return "\n".join(lines)
 
 
-def windows_asked(
-    folder: FleetFolder, index: FleetIndex, settings: FleetSettings, wheels: Sequence[WheelTrend], most: int
-) -> tuple[list[Window], int]:
+@dataclass(eq=False, frozen=True)
+class Diagnosable:
+    """The logs of a fleet that have a result as they and the settings are now, by wheel and log."""
+
+    folder: FleetFolder
+    index: FleetIndex
+    settings: FleetSettings
+    planned: Mapping[tuple[str, str], PlannedLog]
+
+    @classmethod
+    def of(cls, folder: FleetFolder, index: FleetIndex, settings: FleetSettings) -> Diagnosable:
+        """Look which they are."""
+        planned = {
+            (item.log.wheel, item.log.log): item
+            for logs in plan_of(index, settings).values()
+            for item in logs
+            if item.path(folder.results).is_file()
+        }
+        return cls(folder, index, settings, planned)
+
+    def result(self, window: Window) -> str:
+        """The checksum of the result that asks."""
+        return self.planned[window.wheel, window.log].input_hash
+
+    def task(self, window: Window) -> WindowTask:
+        """What a worker is sent, with the place of what it is to write."""
+        log, settings = self.planned[window.wheel, window.log].log, self.settings
+        model, configuration = settings.plain(log.wheel)
+        name = checksum([VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, window.day])
+        path = diagnosis_path(self.folder.diagnoses.absolute(), log.wheel, window.day, name)
+        return WindowTask(self.index.directory, str(path), log, window.day, model, configuration, settings.columns)
+
+    def has(self, window: Window) -> bool:
+        """Whether it can be diagnosed: where its log is gone, only if that is done already."""
+        item = self.planned.get((window.wheel, window.log))
+        return item is not None and (not item.log.gone or _document(self.task(window).path) is not None)
+
+
+def windows_asked(logs: Diagnosable, wheels: Sequence[WheelTrend], most: int) -> tuple[list[Window], int]:
     """The windows of these wheels, the worst first, at most so many, and how many more ask.
 
-    Only of logs whose result is there as they and the settings are now, and of logs that are gone only what is
-    diagnosed already. Raises BadInputError where no result is of these logs and settings.
+    Raises BadInputError where no result is of these logs and settings.
     """
-    planned = _with_results(folder, index, settings)
-    if not planned:
+    if not logs.planned:
         raise BadInputError(
-            f"{folder.path}: no result in it is of these logs with these settings: `rw-ekf fleet run` first, with the "
-            "same --config, --wheel, --model and --columns"
+            f"{logs.folder.path}: no result in it is of these logs with these settings: `rw-ekf fleet run` first, with "
+            "the same --config, --wheel, --model and --columns"
         )
-
-    def can_be(window: Window) -> bool:
-        item = planned.get((window.wheel, window.log))
-        if item is None or not item.log.gone:
-            return item is not None
-        return _document(_task(folder, index, settings, item.log, window.day).path) is not None
-
-    return windows_of(wheels, most, can_be)
+    return windows_of(wheels, most, logs.has)
 
 
 def diagnose_windows(
-    folder: FleetFolder, index: FleetIndex, settings: FleetSettings, asked: tuple[Sequence[Window], int],
-    executor: Executor, tick: Callable[[int], object] = lambda n: None,
-) -> Diagnoses:  # fmt: skip
+    logs: Diagnosable,
+    asked: tuple[Sequence[Window], int],
+    executor: Executor,
+    tick: Callable[[int], object] = lambda n: None,
+) -> Diagnoses:
     """Diagnose the windows that have no diagnosis yet. asked: as `windows_asked` gives them.
 
     tick(n): n windows more are done. Raises BadInputError where the folder cannot be written, RwEkfError where the
@@ -128,10 +156,8 @@ def diagnose_windows(
     """
     began_s = time.perf_counter()
     windows, left_out = asked
-    planned = _with_results(folder, index, settings)
-    tasks = {
-        window: _task(folder, index, settings, planned[window.wheel, window.log].log, window.day) for window in windows
-    }
+    folder = logs.folder
+    tasks = {window: logs.task(window) for window in windows}
     missing = {task.path: task for task in tasks.values() if _document(task.path) is None}
     tick(len(windows) - len(missing))
     waiting: dict[str, str] = {}
@@ -142,8 +168,7 @@ def diagnose_windows(
         if done.error is not None:
             waiting[done.key] = str(done.error) or type(done.error).__name__
     findings = [
-        _finding(folder, window, planned[window.wheel, window.log].input_hash, Path(task.path), waiting)
-        for window, task in tasks.items()
+        _finding(folder, window, logs.result(window), Path(task.path), waiting) for window, task in tasks.items()
     ]
     found = Diagnoses(
         str(folder.path), tuple(findings), len(missing) - len(waiting), left_out,
@@ -179,28 +204,11 @@ def _still_true(folder: FleetFolder) -> list[WindowFinding]:
     ]
 
 
-def _with_results(folder: FleetFolder, index: FleetIndex, settings: FleetSettings) -> dict[tuple[str, str], PlannedLog]:
-    """The logs that have a result as they are now, with these settings."""
-    return {
-        (item.log.wheel, item.log.log): item
-        for logs in plan_of(index, settings).values()
-        for item in logs
-        if item.path(folder.results).is_file()
-    }
-
-
-def _task(folder: FleetFolder, index: FleetIndex, settings: FleetSettings, log: FleetLog, day: str) -> WindowTask:
-    model, configuration = settings.plain(log.wheel)
-    name = checksum([VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, day])
-    path = diagnosis_path(folder.diagnoses.absolute(), log.wheel, day, name)
-    return WindowTask(index.directory, str(path), log, day, model, configuration, settings.columns)
-
-
 def _finding(folder: FleetFolder, window: Window, result: str, path: Path, waiting: Mapping[str, str]) -> WindowFinding:
     base = WindowFinding(window.wheel, window.day, window.log, result, window.why, OK)
     data = _document(str(path))
     if data is None:
-        return replace(base, status=f"{_NOT_DONE}{waiting.get(str(path), 'the run was ended before it')}")
+        return replace(base, status=f"{NOT_DONE}{waiting.get(str(path), 'the run was ended before it')}")
     beside = os.path.relpath(path.parent, folder.path.absolute())
     if str(data["status"]).startswith(FAILED):
         return replace(base, status=data["status"])

@@ -55,12 +55,18 @@ class Executor(Protocol):
 
 
 @dataclass
-class _InFlight:
+class InFlight:
+    """A task that was submitted and has not ended. losses: of the workers, or of the results, that it has seen."""
+
     key: str
     function: Callable[[Any], Any]
     argument: Any
-    deaths: int = 0
-    alone: bool = False
+    losses: int = 0
+    alone: bool = False  # to see whose fault a worker's death is
+
+
+@dataclass
+class _InPool(InFlight):
     pool: ProcessPoolExecutor | None = None
 
 
@@ -70,8 +76,8 @@ class ProcessExecutor:
     def __init__(self, count: int | None = None) -> None:
         self._count = max(count if count is not None else cores(), 1)
         self._pool: ProcessPoolExecutor | None = None
-        self._running: dict[Future[Any], _InFlight] = {}
-        self._suspects: deque[_InFlight] = deque()
+        self._running: dict[Future[Any], _InPool] = {}
+        self._suspects: deque[_InPool] = deque()
 
     @property
     def cores(self) -> int:
@@ -80,7 +86,7 @@ class ProcessExecutor:
 
     def submit(self, key: str, function: Callable[[Any], Any], argument: Any) -> None:
         """Start a task in one of the processes."""
-        self._start(_InFlight(key, function, argument))
+        self._start(_InPool(key, function, argument))
 
     def as_completed(self) -> Iterator[Done]:
         """Each task as it ends; a task that a worker dies of when it runs alone ends with WorkerLostError."""
@@ -113,7 +119,7 @@ class ProcessExecutor:
                 kill_pool(self._pool)
             self._pool = None
 
-    def _start(self, task: _InFlight) -> None:
+    def _start(self, task: _InPool) -> None:
         while True:
             if self._pool is None:
                 self._pool = started_pool(self._count)
@@ -126,15 +132,15 @@ class ProcessExecutor:
                 self._running[future] = task
                 return
 
-    def _again(self, lost: list[_InFlight]) -> Iterator[Done]:
+    def _again(self, lost: list[_InPool]) -> Iterator[Done]:
         """Begin what was in flight anew; each that has seen several deaths alone."""
         for task in lost:
             if self._pool is task.pool:
                 self._pool = None
-            task.deaths += 1
+            task.losses += 1
             if task.alone:
-                yield Done(task.key, None, WorkerLostError(f"its worker died {task.deaths} times"))
-            elif task.deaths >= _SUSPECT_AFTER:
+                yield Done(task.key, None, WorkerLostError(f"its worker died {task.losses} times"))
+            elif task.losses >= _SUSPECT_AFTER:
                 self._suspects.append(task)
             else:
                 self._start(task)

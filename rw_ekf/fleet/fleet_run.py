@@ -16,14 +16,13 @@ from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex
 from rw_ekf.fleet.manifest import ManifestLine, append, read_manifest, write_manifest
 from rw_ekf.fleet.plan import FleetSettings, PlannedLog, groups_of, plan_of
-from rw_ekf.fleet.result_rows import FAILED
+from rw_ekf.fleet.result_rows import FAILED, NOT_DONE
 from rw_ekf.fleet.task import Record, Task, work
 from rw_ekf.logs.atomic import make_folder
 from rw_ekf.shown import Shown
 
 SCHEMA = "rw_ekf.fleet_run/1"
 WINDOW = 4  # tasks in flight for each core: enough that none waits, few enough that memory does not grow with the fleet
-_NOT_DONE = "not done: "
 _SHOWN_FAILURES = 20
 
 
@@ -48,7 +47,7 @@ class FleetRun(Shown):
     @property
     def not_done(self) -> list[ManifestLine]:
         """Logs that another run has to do."""
-        return [entry for entry in self.entries if entry.status.startswith(_NOT_DONE)]
+        return [entry for entry in self.entries if entry.status.startswith(NOT_DONE)]
 
     @property
     def whole(self) -> bool:
@@ -226,8 +225,8 @@ def _final(account: _Account, folder: FleetFolder, plan: Mapping[str, Sequence[P
             known = account.entries.get(item.input_hash)
             if not path.is_file():
                 why = account.waiting.get(wheel, "the run was ended before it")
-                entries.append(ManifestLine.of(item, None, f"{_NOT_DONE}{why}"))
-            elif known is not None and not known.status.startswith(_NOT_DONE):
+                entries.append(ManifestLine.of(item, None, f"{NOT_DONE}{why}"))
+            elif known is not None and not known.status.startswith(NOT_DONE):
                 entries.append(known)
             else:
                 entries.append(_from_result(item, path))

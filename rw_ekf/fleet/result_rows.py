@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rw_ekf.filter.belief import Belief
     from rw_ekf.log_replay import Run
 
-OK, FAILED = "ok", "failed: "
+OK, FAILED, NOT_DONE = "ok", "failed: ", "not done: "  # the latter two and why; another run tries what is not done
 CARRY_KEY, ROWS_KEY = b"rw_ekf.carry", b"rw_ekf.rows"
 _NUMBERS = ("nis_mean", "nis_inside_95", "innovation_rms_rpm", "temperature_degC", "speed_rms_rpm", "current_rms_A")
 _COUNTS = ("samples", "missing", "rejected", "reseeded", "resets")

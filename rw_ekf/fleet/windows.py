@@ -44,12 +44,13 @@ def _of_wheel(wheel: WheelTrend) -> Iterator[Window]:
     """What asks, one window a day, the most telling first."""
     days, taken = wheel.days, set()
     for row, why in _reasons(wheel):
-        if days.ok[row] and row not in taken:
+        if row not in taken:
             taken.add(row)
             yield Window(days.wheel, days.day[row], days.log[row], why)
 
 
 def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
+    """Rows that gave a result, and why each asks; one may come more than once."""
     days = wheel.days
     good = np.flatnonzero(days.ok)
     if not good.size:

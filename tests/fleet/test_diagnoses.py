@@ -13,7 +13,7 @@ import pytest
 import rw_ekf
 from rw_ekf.cli import main
 from rw_ekf.errors import BadInputError
-from rw_ekf.fleet.diagnoses import diagnose_windows, read_diagnoses, windows_asked
+from rw_ekf.fleet.diagnoses import Diagnosable, diagnose_windows, read_diagnoses, windows_asked
 from rw_ekf.fleet.executors import ProcessExecutor
 from rw_ekf.fleet.folder import FleetFolder, fleet_folder
 from rw_ekf.fleet.index import built_index, read_index
@@ -46,7 +46,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _finding(folder: FleetFolder, executor: Any, *windows: Window, settings: FleetSettings | None = None) -> Any:
     index = read_index(folder)
     assert index is not None
-    return diagnose_windows(folder, index, settings or FleetSettings(), (windows, 0), executor)
+    return diagnose_windows(Diagnosable.of(folder, index, settings or FleetSettings()), (windows, 0), executor)
 
 
 @pytest.mark.slow
@@ -111,10 +111,11 @@ def test_what_was_cut_short_changed_or_failed(logs: Path, tmp_path: Path) -> Non
     content = changed.read_bytes()
     changed.write_bytes(content[:500] + bytes(64) + content[564:])
     index = built_index(here, read_index(folder), keep_gone=True)
-    asked = windows_asked(folder, index, FleetSettings(), rw_ekf.fleet.trends(here).worst_first, 9)
+    asked = windows_asked(Diagnosable.of(folder, index, FleetSettings()), rw_ekf.fleet.trends(here).worst_first, 9)
     assert asked == ([], 0)
+    others = Diagnosable.of(folder, index, FleetSettings(columns_text="others"))
     with pytest.raises(BadInputError, match="no result in it is of these logs"):
-        windows_asked(folder, index, FleetSettings(columns_text="others"), [], 9)
+        windows_asked(others, [], 9)
     assert not rw_ekf.fleet.run(here, workers=1).whole
     assert [each.day for each in read_diagnoses(folder)["sound"]] == ["2026-03-01"]
 

@@ -11,6 +11,7 @@ import os
 import statistics
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
@@ -18,13 +19,11 @@ from tqdm import tqdm
 from rw_ekf.log_simulation import simulate
 from tools.measure.processor import processor_s
 
-_HERE = Path(__file__).resolve().parents[2]
 _LONG_ROWS = 400_000
 
 
-def show_against(other: Path, turns: int) -> None:
+def show_against(trees: Sequence[Path], turns: int) -> None:
     """Print a line for each command: this tree, the other, and the ratio."""
-    trees = (_HERE, other.resolve())
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {turns} turns; processor time, this / other\n")
     with tempfile.TemporaryDirectory() as place:
         for what, command, per in tqdm(_commands(Path(place)), leave=False):

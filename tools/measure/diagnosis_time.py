@@ -20,13 +20,12 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from tools.measure.processor import processor_s
+from tools.measure.processor import add_other_checkout, processor_s, trees_of
 from tools.measure.table import Row, at_most, show
 from tools.proof.plants import log_of, save_log
 from tools.proof.prove import chosen_cases
 
 _MEDIAN_S, _WORST_S = 4.0, 10.0  # marks
-_HERE = Path(__file__).resolve().parents[2]
 
 
 def diagnosed_s(tree: Path, log: Path, out: Path) -> float:
@@ -56,11 +55,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=42)
     parser.add_argument("--seed", type=int, default=14)
-    parser.add_argument("--against", metavar="DIR", type=Path, help="root of another checkout")
+    add_other_checkout(parser)
     options = parser.parse_args()
-    if options.against is not None and not (options.against / "rw_ekf").is_dir():
-        parser.error(f"{options.against}: no checkout (it has no folder rw_ekf): give its root to --against")
-    trees = [_HERE, *([] if options.against is None else [options.against.resolve()])]
+    trees = trees_of(parser, options)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         logs = write_logs(folder, options.logs, options.seed)

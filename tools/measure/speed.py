@@ -13,7 +13,6 @@ import math
 import platform
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from tools.measure.against import show_against
 from tools.measure.estimator import run_of
+from tools.measure.processor import add_other_checkout, trees_of
 from tools.measure.runs import constants_for, free_run_of
 from tools.measure.table import Row, at_most, show
 
@@ -90,13 +90,12 @@ def measure_kernel(advance: tqdm[Any]) -> list[Row]:
 def main() -> int:
     """Measure and print; exit status 1 if a mark is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--against", metavar="DIR", type=Path, help="root of another checkout")
+    add_other_checkout(parser)
     parser.add_argument("--turns", type=int, default=5, help="of each command beside another checkout; default 5")
     options = parser.parse_args()
-    if options.against is not None:
-        if not (options.against / "rw_ekf").is_dir():
-            parser.error(f"{options.against}: no checkout (it has no folder rw_ekf): give its root to --against")
-        show_against(options.against, options.turns)
+    trees = trees_of(parser, options)
+    if len(trees) > 1:
+        show_against(trees, options.turns)
         return 0
     with tqdm(total=2 + len(COURSES), unit="run", file=sys.stderr) as advance:
         rows = [*measure_online(advance), *measure_kernel(advance)]
