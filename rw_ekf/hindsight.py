@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -25,10 +25,10 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.second_look import log_likelihood, second_look, was_reset
 from rw_ekf.identify.record_scale import busiest, top_speed_of
 from rw_ekf.likelihood.record_stribeck import stribeck_hypotheses
-from rw_ekf.model.state import PARAMETERS
+from rw_ekf.model.state import PARAMETERS, SPEED
 from rw_ekf.starting_point import LEAST_NOISE_RATIO, FilterSetup, note_of_foreign_machine
 
-_CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
+CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
 # Of the first look's sigmas: lags that come out right have 0.75 and more, one that was 12 sigma off had 0.32.
 _AS_SURE = 0.5
 _DIVERGED = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
@@ -46,7 +46,7 @@ def run_of_log(
     for hypothesis in setup.stribeck_hypotheses[:1]:  # a first pass may have lost its way where nothing is known at all
         again = second_look(course, steady.constants, setup.prior, hypothesis.fitted, setup.effects)
         likelihoods += [] if again is None else [again[1]]
-    if log_likelihood(filtered(course, setup), gate) < max(likelihoods) + _CLEARLY:
+    if log_likelihood(filtered(course, setup), gate) < max(likelihoods) + CLEARLY:
         return run, steady
     return filtered(course, setup, keep_states=keep_states, keep_history=keep_history), setup
 
@@ -83,6 +83,66 @@ def with_stribeck_speeds(course: Course, setup: FilterSetup) -> FilterSetup:
 def belief_of_log(course: Course, setup: FilterSetup, run: FilterRun) -> Belief:
     """What is believed at the end: the moments of a mixture over what is not known beside the parameters."""
     return _mixture(list(_over_stribeck_speeds(course, setup)) or list(_parts(course, setup, run)))
+
+
+@dataclass(frozen=True, eq=False)
+class PartHindsight:
+    """What a part of a log says, from which the whole of it is looked at."""
+
+    setup: FilterSetup  # the likeliest of what the part leaves open, at the middle of its torque noises
+    middle: Belief  # of that alone
+    over_noises: tuple[tuple[float, Belief], ...]  # weights and beliefs
+    over_shapes: tuple[tuple[float, Belief], ...]  # over Stribeck speeds, or over shapes of effects
+
+    def of_whole(self, belief: Belief) -> Belief:
+        """A belief that the whole log comes to, with what the part leaves open as uncertainty.
+
+        What another torque noise changes becomes less as a log becomes longer, like its sigmas. A bias by another
+        Stribeck speed stays as large as it is.
+        """
+        with contextlib.suppress(np.linalg.LinAlgError):  # a part that says nothing of some number
+            belief = wider_as(self.over_noises, self.middle, belief) if len(self.over_noises) > 1 else belief
+        known = slice(SPEED + 1, None)
+        mean = sum((weight * part.mean[known] for weight, part in self.over_shapes), np.zeros(belief.mean.size - 1))
+        covariance = belief.covariance.copy()
+        for weight, part in self.over_shapes:
+            off = part.mean[known] - mean
+            covariance[known, known] += weight * np.outer(off, off)
+        return Belief(belief.mean, covariance)
+
+
+def hindsight_of_part(course: Course, setup: FilterSetup) -> PartHindsight:
+    """Look back on a part as on a log of its own."""
+    noises = setup.acceleration_noises or (setup.constants.acceleration_noise,)
+    constants = without_drift(setup.constants).with_acceleration_noise(noises[len(noises) // 2])
+    alone = replace(setup, acceleration_noises=(), stribeck_hypotheses=(), effect_hypotheses=())
+    steady, first = replace(alone, constants=constants), None
+    over_shapes: list[tuple[float, Belief]] = []
+    for hypothesis in setup.stribeck_hypotheses:
+        at_speed = constants.with_stribeck_speed(hypothesis.omega_s)
+        again = second_look(course, at_speed, setup.prior, hypothesis.fitted, setup.effects)
+        if again is not None:
+            over_shapes.append((hypothesis.probability, again[0]))
+            if hypothesis.probability == max(weight for weight, _ in over_shapes):
+                steady, first = replace(alone, constants=at_speed), again[0]
+    for effects in setup.effect_hypotheses:
+        of_shape = replace(steady, effects=effects)
+        over_shapes.append((1.0, _looked_at_again(course, of_shape, filtered(course, of_shape))))
+    if first is None:
+        first = _looked_at_again(course, steady, filtered(course, steady))
+    over_noises = []
+    for noise in noises if len(noises) > 1 else ():
+        again = second_look(course, steady.constants.with_acceleration_noise(noise), setup.prior, first, setup.effects)
+        over_noises += [] if again is None else [(1.0, again[0])]
+    middle = replace(alone, constants=setup.constants.with_acceleration_noise(steady.constants.acceleration_noise))
+    middle = replace(middle, constants=middle.constants.with_stribeck_speed(steady.constants.stribeck.omega_s))
+    return PartHindsight(middle, first, _weighed(over_noises), _weighed(over_shapes))
+
+
+def _weighed(parts: Sequence[tuple[float, Belief]]) -> tuple[tuple[float, Belief], ...]:
+    """The same with weights that add up to one."""
+    total = math.fsum(weight for weight, _ in parts)
+    return tuple((weight / total, belief) for weight, belief in parts)
 
 
 def belief_of_fit(course: Course, setup: FilterSetup, fitted: Belief, noises: Sequence[float]) -> Belief:
@@ -153,7 +213,8 @@ def _parts(course: Course, setup: FilterSetup, run: FilterRun) -> Iterator[tuple
     if len(noises) > 1 and not setup.constants.wanders and course.samples > _LONG * _PART:
         middle = _at_noise(course, setup, run, noises[len(noises) // 2])
         with contextlib.suppress(np.linalg.LinAlgError):  # a part that says nothing of some number
-            yield 1.0, _wider_as(list(_over_part(course, setup, noises)), middle)
+            found = list(_over_part(course, setup, noises))
+            yield 1.0, wider_as([(1.0 / len(found), part) for part in found], found[len(found) // 2], middle)
             return
     for noise in noises:
         yield 1.0 / len(noises), _at_noise(course, setup, run, noise, alone=len(noises) == 1)
@@ -173,19 +234,21 @@ def _over_part(course: Course, setup: FilterSetup, noises: Sequence[float]) -> I
     return (_at_noise(part, setup, first, noise) for noise in noises)
 
 
-def _wider_as(found: Sequence[Belief], whole: Belief) -> Belief:
+def wider_as(found: Sequence[tuple[float, Belief]], middle: Belief, whole: Belief) -> Belief:
     """A belief whose parameters are as much wider as those of a mixture are than those of its middle component.
 
     In the middle one's standard deviations sigmas and what moves the means go with the torque noise alike however long
     a log is: both fall as the root of its length. What moved the means of the part is no guide to where those of the
-    whole would move, so that it counts as uncertainty alone. found: of equal weight, in the order of their noises.
+    whole would move, so that it counts as uncertainty alone. found: weights and components. Raises LinAlgError where
+    one of the beliefs knows something for certain.
     """
-    known = PARAMETERS  # a record that has to tell its torque noise comes without a model, and so without effects
-    middle, P = found[len(found) // 2], whole.covariance
+    # A record that has to tell its torque noise comes without a model, and so without effects; and of effects whose
+    # shape is open the parameters are what the shapes have in common.
+    known, P = PARAMETERS, whole.covariance
     spread = np.zeros_like(P[known, known])
-    for part in found:
+    for weight, part in found:
         off = (part.mean - middle.mean)[known]
-        spread += (part.covariance[known, known] + np.outer(off, off)) / len(found)
+        spread += weight * (part.covariance[known, known] + np.outer(off, off))
     of_part, of_whole = _root(middle.covariance[known, known]), _root(P[known, known])
     shares = np.linalg.solve(of_part, np.linalg.solve(of_part, spread).T)
     wider = of_whole @ (0.5 * (shares + shares.T)) @ of_whole.T

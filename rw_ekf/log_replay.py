@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.course.course import WILD, Course
+from rw_ekf.course.course import Course
 from rw_ekf.documents import REPLAY_SCHEMA, as_it_went_text, entry_text, log_entry
 from rw_ekf.errors import BadInputError, FilterError, LogError
-from rw_ekf.filter import decisions, health
+from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import Consistency
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.filter.operating_points import OperatingPoints
-from rw_ekf.filter.physician import findings, troubles_of
+from rw_ekf.filter.physician import findings
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
 from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import independent_readings
@@ -35,8 +34,9 @@ from rw_ekf.logs.tables import table_of
 from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import plus_minus
+from rw_ekf.pass_sums import PassSums
 from rw_ekf.pictures import run_figure
-from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
+from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.residual_judgement import judge_log
 from rw_ekf.second_record import as_of_another_record
 from rw_ekf.shown import Shown
@@ -49,26 +49,27 @@ from rw_ekf.starting_point import (
 )
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import read_model
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
+    from rw_ekf.logs.long_log import LongLog
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
 
 _BEYOND = 0.02  # of a log, beyond a law's range, that is told
 _FEW_SAMPLES = 20
-_BREAKAGES = 3  # of the filter's arithmetic in one log: more is no accident
 
 
 @dataclass(eq=False, frozen=True, repr=False)
 class Run(Shown):
     """A replayed log: where it ended, how it went, and per-sample columns where they were asked for."""
 
-    log: WheelLog
+    log: WheelLog | LongLog  # of a long one the rows are not kept
     setup: FilterSetup
     belief: Belief
     statistics: RunStatistics
@@ -79,6 +80,7 @@ class Run(Shown):
     noise_from: str | None = None  # who told the readings' noise, where nobody did: the record, the model
     filter_s: float = 0.0  # that the filter took [s]
     resets: int = 0  # of the filter, with a divergence or a lock-out among them
+    picture_rows: tuple[WheelLog, dict[str, Any]] | None = None  # of a long log, a row in so many with its columns
 
     @property
     def hindsight(self) -> Belief | None:
@@ -119,11 +121,19 @@ class Run(Shown):
     def plot(self, truth: Mapping[str, float] | None = None) -> Figure:
         """Speed, innovation and parameters over time, as a matplotlib figure; truth: parameters, drawn dashed."""
         in_rpm = self.setup.inertia_kg_m2 is not None
-        return run_figure(self.log, self._rows(), truth=truth, hindsight=self.hindsight, wheel_units=in_rpm)
+        log, columns = self.picture_rows or (self._held_log(), self._rows())
+        return run_figure(log, columns, truth=truth, hindsight=self.hindsight, wheel_units=in_rpm)
 
     def __repr__(self) -> str:
         parts = zip(PARAMETER_NAMES, self.belief.parameters, self.belief.core.parameter_std, strict=True)
         return f"Run({self.log.name!r}, {', '.join(f'{name} {plus_minus(v, std)}' for name, v, std in parts)})"
+
+    def _held_log(self) -> WheelLog:
+        from rw_ekf.logs.wheel_log import WheelLog
+
+        if not isinstance(self.log, WheelLog):
+            raise ValueError(f"{self.log.name}: the rows of this log are not held")
+        return self.log
 
     def _rows(self) -> dict[str, Any]:
         if self.columns is None:
@@ -171,7 +181,7 @@ def replay_log(
         raise BadInputError(
             f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
         )
-    with _blaming(model, log.name):
+    with blaming(model, log.name):
         if with_hindsight:
             setup = with_stribeck_speeds(course, setup)
             if model is not None:
@@ -181,11 +191,12 @@ def replay_log(
             run = _online(log, setup, advance)
         elif not with_hindsight:
             run = filtered(course, setup, keep_states=with_columns, keep_history=smooth)
-        _refuse_runaway(run)
+        sums = PassSums.of(setup)
+        sums.add(course, run)
         belief = belief_of_log(course, setup, run) if with_hindsight else Belief(run.mean, run.covariance)
-        statistics = RunStatistics.of_run(course, run)
-        statistics.points = _where_it_has_been(course, setup, run)
         consistency = judge_log(course, setup, belief)
+    beyond = BeyondLaws(setup.effects)
+    beyond.add(course)
     warnings = [
         *odd,
         *sampling.remarks(),
@@ -194,15 +205,16 @@ def replay_log(
         *([] if again is None else [again]),
         *([] if colour is None else [colour.sentence]),
         *setup.notes,
-        *_remarks(course, log, setup, statistics),
-        *findings(troubles_of(run.mended)),
+        *remarks_of(sums.statistics, setup, driven=bool(np.any(log.current_A != 0.0))),
+        *beyond.sentences(),
+        *findings(sums.troubles),
         *consistency.warnings(),
     ]
-    columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
+    columns = columns_of_run(log, run, setup, smooth=smooth) if with_columns else None
     as_it_went = Belief(run.mean, run.covariance) if with_hindsight else None
     return Run(
-        log, setup, belief, statistics, consistency, tuple(warnings), columns, as_it_went, noise_from,
-        time.perf_counter() - began_s, len(troubles_of(run.mended)),
+        log, setup, belief, sums.statistics, consistency, tuple(warnings), columns, as_it_went, noise_from,
+        time.perf_counter() - began_s, len(sums.troubles),
     )  # fmt: skip
 
 
@@ -235,12 +247,13 @@ def setup_of_run(log: Path) -> FilterSetup:
 
 def refuse_runaway_model(log: str, course: Course, setup: FilterSetup, model: WheelModel) -> None:
     """Raise BadInputError where the filter, set up from that model, goes beyond what any machine does in this log."""
-    with _blaming(model, log):
-        _refuse_runaway(filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects))
+    with blaming(model, log):
+        run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects)
+        PassSums.of(setup).add(course, run)
 
 
 @contextmanager
-def _blaming(model: WheelModel | None, log: str) -> Iterator[None]:
+def blaming(model: WheelModel | None, log: str) -> Iterator[None]:
     """Where the filter breaks with a model that somebody gave, that model is bad input."""
     try:
         yield
@@ -251,25 +264,6 @@ def _blaming(model: WheelModel | None, log: str) -> Iterator[None]:
             f"{log}: with the model given the filter runs away from these readings: it is not a model of this machine, "
             "or not in the units of this log; give another model, or none"
         ) from None
-
-
-def _where_it_has_been(course: Course, setup: FilterSetup, run: FilterRun) -> OperatingPoints:
-    """Operating points of the readings that were used since the parameters were last reset."""
-    used = run.outcome == decisions.UPDATED
-    resets = np.flatnonzero((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT))
-    if resets.size:
-        used[: resets[-1] + 1] = False
-    return OperatingPoints.of_course(course, setup.prior.parameters, setup.constants.stribeck.omega_s, used)
-
-
-def _refuse_runaway(run: FilterRun) -> None:
-    """Raise FilterError where predictions went beyond what any machine does, gated readings or not."""
-    worst = float(np.nanmax(np.abs(run.innovation_rad_s), initial=0.0))
-    if not worst <= WILD or not np.isfinite(run.covariance).all():
-        raise FilterError(f"a prediction missed by {worst:.3g} rad/s")
-    broken = [why for why in troubles_of(run.mended) if why not in (FilterTrouble.DIVERGED, FilterTrouble.LOCKED_OUT)]
-    if len(broken) > _BREAKAGES:
-        raise FilterError(f"the filter had to be reset {len(broken)} times: {'; '.join(findings(broken))}")
 
 
 def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:
@@ -295,35 +289,49 @@ def _value(values: Float64Array | None, i: int) -> float | None:
     return None if values is None or np.isnan(values[i]) else float(values[i])
 
 
-def _remarks(course: Course, log: WheelLog, setup: FilterSetup, statistics: RunStatistics) -> list[str]:
+def remarks_of(statistics: RunStatistics, setup: FilterSetup, *, driven: bool) -> list[str]:
+    """What a reader of the estimates must know of the readings that they come from."""
     said = []
-    present = int(np.isfinite(course.speed_rad_s).sum())
+    present = statistics.samples - statistics.missing
     if present < _FEW_SAMPLES:
         said.append(f"only {present} speed readings: the estimates are little more than the prior")
     refused = statistics.gate_finding(setup.constants.gate)
     if refused is not None:
         said.append(refused)
-    if not np.any(log.current_A != 0.0):
+    if not driven:
         said.append("the current is zero throughout: the motor gain cannot be learned from this log")
-    return said + _beyond_laws(course, setup)
-
-
-def _beyond_laws(course: Course, setup: FilterSetup) -> list[str]:
-    """Where a log goes beyond what the model's laws were found over: they stay there as they are at the edge."""
-    said = []
-    for term in setup.effects.terms:
-        law = term.law
-        values = None if law is None else _values_of(law, course)
-        if law is None or values is None or not np.isfinite(values).any():
-            continue
-        share = float(np.mean((values < law.first) | (values > law.last)))
-        if share > _BEYOND:
-            said.append(
-                f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
-                f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be off; "
-                "`rw-ekf diagnose LOG` finds it anew"
-            )
     return said
+
+
+class BeyondLaws:
+    """How often a log goes beyond what the laws of a model were found over: they stay as they are at the edge."""
+
+    def __init__(self, effects: EffectSet) -> None:
+        self._laws = [term.law for term in effects.terms if term.law is not None]
+        self._beyond = [0] * len(self._laws)
+        self._rows = 0
+
+    def add(self, course: Course, begin: int = 0) -> None:
+        """Count the samples of a part from `begin` on."""
+        self._rows += course.samples - begin
+        for place, law in enumerate(self._laws):
+            values = _values_of(law, course)
+            if values is not None:
+                values = values[begin:]
+                self._beyond[place] += int(np.count_nonzero((values < law.first) | (values > law.last)))
+
+    def sentences(self) -> list[str]:
+        """A sentence for each law that a good part of the log is beyond."""
+        said = []
+        for law, beyond in zip(self._laws, self._beyond, strict=True):
+            share = beyond / max(self._rows, 1)
+            if share > _BEYOND:
+                said.append(
+                    f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
+                    f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be "
+                    "off; `rw-ekf diagnose LOG` finds it anew"
+                )
+        return said
 
 
 def _values_of(law: Law, course: Course) -> Float64Array | None:
@@ -352,7 +360,7 @@ def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object])
     return sink.as_run(estimator.mean, estimator.covariance)
 
 
-def _columns(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool) -> dict[str, Any]:
+def columns_of_run(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool) -> dict[str, Any]:
     """One row per sample, as docs/contract.md#logs has them."""
     columns: dict[str, Any] = {"time_s": log.time_s}
     columns |= {name: run.states[:, i] for i, name in enumerate(setup.state_names)}

@@ -16,11 +16,11 @@ from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.model.state import COULOMB, STATIC
 from rw_ekf.starting_point import FilterSetup
 
-_JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
+JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
 _JUDGED_PLAIN = 2_000  # the same in plain Python
 
 
-def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: int = _JUDGED_SAMPLES) -> Consistency:
+def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: int = JUDGED_SAMPLES) -> Consistency:
     """Whether what a fit of the four parameters leaves of the log is noise (docs/decisions/0012).
 
     Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
@@ -62,6 +62,6 @@ def consistency_now(course: Course, setup: FilterSetup, belief: Belief) -> tuple
 
     needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.terms else compile_ahead.FIT
     if not compile_ahead.cold(needed):
-        return judge_log(course, setup, belief), min(_JUDGED_SAMPLES, course.time_s.size)
+        return judge_log(course, setup, belief), min(JUDGED_SAMPLES, course.time_s.size)
     with interpreted():
         return judge_log(course, setup, belief, _JUDGED_PLAIN), min(_JUDGED_PLAIN, course.time_s.size)

@@ -55,7 +55,7 @@ def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     What changed in the record that a model was found in has changed before the next one, or not yet; a change that
     comes at the same time of every run does so again.
     """
-    if not any(_passes(term) for term in setup.effects.terms):
+    if not changes_with_time(setup.effects):
         return setup
     steady = replace(setup, constants=without_drift(setup.constants))
     ways = [setup.effects, *(_held(setup.effects, end) for end in (-1, 0))]
@@ -64,6 +64,11 @@ def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
         return log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate)
 
     return replace(setup, effects=max(ways, key=value))
+
+
+def changes_with_time(effects: EffectSet) -> bool:
+    """Whether a set of effects has laws of time."""
+    return any(_passes(term) for term in effects.terms)
 
 
 def _passes(term: Term) -> bool:

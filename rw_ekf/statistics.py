@@ -59,29 +59,28 @@ class RunStatistics:
         self.nis_sum += test.nis
         self.nis_inside_95 += test.nis <= _NIS_95
 
-    @classmethod
-    def of_run(cls, course: Course, run: FilterRun) -> RunStatistics:
-        """Statistics of a compiled pass."""
+    def add_run(self, course: Course, run: FilterRun, begin: int = 0) -> None:
+        """Count the samples of a compiled pass from `begin` on; those before are of a part that has been counted."""
         import numpy as np
 
         from rw_ekf.filter import decisions
 
-        used = run.outcome == decisions.UPDATED
-        innovation = run.innovation_rad_s[used]
-        nis = innovation**2 / run.innovation_variance[used]
-        tested = np.isfinite(run.innovation_rad_s)
-        return cls(
-            samples=int(course.time_s.size),
-            missing=int(np.count_nonzero(np.isnan(course.speed_rad_s))),
-            rejected=int(np.count_nonzero(tested & ~used)),
-            reseeded=int(np.count_nonzero(run.outcome == decisions.RESEEDED)),
-            duration_s=course.duration_s,
-            used=int(used.sum()),
-            innovation_sum=float(innovation.sum()),
-            innovation_squares=float(innovation @ innovation),
-            nis_sum=float(nis.sum()),
-            nis_inside_95=int(np.count_nonzero(nis <= _NIS_95)),
-        )
+        here = slice(begin, None)
+        outcome = run.outcome[here]
+        used = outcome == decisions.UPDATED
+        innovation = run.innovation_rad_s[here][used]
+        nis = innovation**2 / run.innovation_variance[here][used]
+        tested = np.isfinite(run.innovation_rad_s[here])
+        self.samples += int(outcome.size)
+        self.missing += int(np.count_nonzero(np.isnan(course.speed_rad_s[here])))
+        self.rejected += int(np.count_nonzero(tested & ~used))
+        self.reseeded += int(np.count_nonzero(outcome == decisions.RESEEDED))
+        self.duration_s += course.window(max(begin - 1, 0), course.samples).duration_s
+        self.used += int(used.sum())
+        self.innovation_sum += float(innovation.sum())
+        self.innovation_squares += float(innovation @ innovation)
+        self.nis_sum += float(nis.sum())
+        self.nis_inside_95 += int(np.count_nonzero(nis <= _NIS_95))
 
     def innovation_document(self) -> dict[str, float | None]:
         """Return the `innovation` object of a replay document; null where there was no innovation."""

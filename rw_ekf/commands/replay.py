@@ -5,21 +5,31 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
+    map_path,
     read_configuration,
-    read_logs,
     read_wheel_model,
     refuse_to_overwrite,
 )
 from rw_ekf.commands.undrawn import drawn
+from rw_ekf.errors import BadInputError
 
 if TYPE_CHECKING:
+    from rw_ekf.log_replay import Run
+    from rw_ekf.logs.long_log import LongLog
     from rw_ekf.logs.wheel_log import WheelLog
+    from rw_ekf.long_replay import Writer
+    from rw_ekf.settings.schema import Configuration
+    from rw_ekf.starting_point import FilterSetup
+    from rw_ekf.wheel.model_file import WheelModel
 
 HELP = "filter logged runs"
 EXAMPLE = """example:
@@ -56,11 +66,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
-    from rw_ekf.console import progress
     from rw_ekf.documents import REPLAY_SCHEMA
-    from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
-    from rw_ekf.logs.picture_file import check_picture_suffix, save_picture
+    from rw_ekf.logs.in_parts import UnsoundError
+    from rw_ekf.logs.picture_file import save_picture
+
+    _check(args)
+    configuration = read_configuration(args)
+    model = read_wheel_model(args.model, configuration)
+    named = _named(args)
+    if args.picture is not None and len(named) != 1:
+        raise BadInputError(f"--picture shows one log, {len(named)} are named: replay them one by one")
+    refuse_to_overwrite([args.out, args.picture], [*(log for log, _ in named), args.columns, args.config, args.model])
+    work = _Work(args, configuration, model, named)
+    try:
+        done = work.replay(in_parts=not (args.smooth or args.online or (args.out or "").lower().endswith(".mat")))
+    except UnsoundError:
+        done = work.replay(in_parts=False)
+    whole = True
+    if args.picture is not None:
+        started = time.perf_counter()
+        whole = drawn(lambda: save_picture(done[0].plot(), args.picture))
+        work.seconds["write"] += time.perf_counter() - started
+    if args.json:
+        print_json({"schema": REPLAY_SCHEMA, "logs": [item.entry() for item in done], "seconds": work.seconds})
+    else:
+        sys.stdout.write("".join(f"{item.text()}\n" for item in done))
+    return 0 if whole else 1
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raise BadInputError for options that go ill together."""
+    from rw_ekf.logs.picture_file import check_picture_suffix
+    from rw_ekf.logs.tables import check_suffix
 
     if args.smooth and args.out is None:
         raise BadInputError("--smooth adds columns to --out: name a file with --out FILE")
@@ -70,59 +108,7 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError("--as-run takes each run's own configuration and start: leave out --config and --model")
     check_picture_suffix(args.picture)
     if args.out is not None:
-        from rw_ekf.logs.tables import check_suffix
-
         check_suffix(args.out)
-    configuration = read_configuration(args)
-    model = read_wheel_model(args.model, configuration)
-    started = time.perf_counter()
-    named = _named(args)
-    if args.picture is not None and len(named) != 1:
-        raise BadInputError(f"--picture shows one log, {len(named)} are named: replay them one by one")
-    refuse_to_overwrite([args.out, args.picture], [*(log for log, _ in named), args.columns, args.config, args.model])
-    logs = _read(named, args)
-    read_s = time.perf_counter() - started
-
-    from rw_ekf import compile_ahead
-    from rw_ekf.log_replay import replay_log, setup_of_run
-
-    setups = [setup_of_run(Path(log.name)) if own else None for log, own in logs]
-    started_from = [model.effects] if model is not None else [setup.effects for setup in setups if setup is not None]
-    with_effects = any(effects.size > 0 for effects in started_from)
-    with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if args.smooth else ()))
-    make_ready((*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT)
-    started = time.perf_counter()
-    done = []
-    with progress("replay", sum(len(log) for log, _ in logs), " samples") as bar:
-        for (log, _), setup in zip(logs, setups, strict=True):
-            done.append(
-                replay_log(
-                    log,
-                    configuration,
-                    model,
-                    setup,
-                    with_columns=args.out is not None or args.picture is not None,
-                    smooth=args.smooth,
-                    online=args.online,
-                    advance=bar.update if args.online else lambda n: None,
-                )
-            )
-            if not args.online:
-                bar.update(len(log))
-    filter_s = time.perf_counter() - started
-    started = time.perf_counter()
-    if args.out is not None:
-        _write(args.out, [(item.log.name, item.columns or {}) for item in done])
-    whole = True
-    if args.picture is not None:
-        whole = drawn(lambda: save_picture(done[0].plot(), args.picture))
-    write_s = time.perf_counter() - started
-    if args.json:
-        seconds = {"read": read_s, "filter": filter_s, "write": write_s}
-        print_json({"schema": REPLAY_SCHEMA, "logs": [item.entry() for item in done], "seconds": seconds})
-    else:
-        sys.stdout.write("".join(f"{item.text()}\n" for item in done))
-    return 0 if whole else 1
 
 
 def _named(args: argparse.Namespace) -> list[tuple[str, bool]]:
@@ -142,34 +128,121 @@ def _named(args: argparse.Namespace) -> list[tuple[str, bool]]:
     return named
 
 
-def _read(named: list[tuple[str, bool]], args: argparse.Namespace) -> list[tuple[WheelLog, bool]]:
-    """Read the logs; a run of a directory that ended before its first row is left out."""
-    from rw_ekf.console import logger
-    from rw_ekf.errors import EmptyLogError
+@dataclass
+class _Work:
+    """What is asked for, and how long it took."""
 
-    logs = []
-    for path, own in named:
-        try:
-            logs.append((read_logs([path], args.columns)[0], own))
-        except EmptyLogError as error:
-            if path in args.logs:
-                raise
-            logger().warning("left_out", text=str(error))
-    return logs
+    args: argparse.Namespace
+    configuration: Configuration | None
+    model: WheelModel | None
+    named: list[tuple[str, bool]]  # logs, and whether from their runs' own starts
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def replay(self, *, in_parts: bool) -> list[Run]:
+        """Read, filter and write one log after the other. Raises UnsoundError where one cannot be read in parts."""
+        from rw_ekf import compile_ahead
+        from rw_ekf.console import progress
+
+        self.seconds = dict.fromkeys(("read", "filter", "write"), 0.0)
+        setups = [_setup_of_run(path) if own else None for path, own in self._there()]
+        starts = [self.model, *setups]
+        with_effects = any(start is not None and start.effects.size > 0 for start in starts)
+        with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if self.args.smooth else ()))
+        needed = (*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT
+        done = []
+        with self._writer() as write:
+            for (path, _), setup in zip(self.named, setups, strict=True):
+                log = self._read(path, setup, in_parts=in_parts)
+                if log is None:
+                    continue
+                make_ready(needed)
+                with progress("replay", len(log), " samples") as bar, self._timed("filter"):
+                    done.append(self._filtered(log, setup, write, bar.update))
+        return done
+
+    def _there(self) -> list[tuple[str, bool]]:
+        """The logs. Raises LogError where one is not there, or is of no known form: before work is done on others."""
+        from rw_ekf.logs.formats import format_of
+        from rw_ekf.logs.parts import parts_of
+
+        for path, _ in self.named:
+            for file in parts_of(Path(path)).files[:1]:
+                format_of(file, str(file))
+        return self.named
+
+    def _read(self, path: str, setup: FilterSetup | None, *, in_parts: bool) -> WheelLog | LongLog | None:
+        """A log; None for a run of a directory that ended before its first row."""
+        from rw_ekf.console import logger
+        from rw_ekf.errors import EmptyLogError
+        from rw_ekf.logs.column_map import ColumnMap, load_column_map
+        from rw_ekf.logs.long_log import long_log_of
+        from rw_ekf.logs.reader import read_log
+
+        columns = ColumnMap() if self.args.columns is None else load_column_map(map_path(self.args.columns))
+        start = setup or self.model
+        with self._timed("read"):
+            try:
+                carried = () if start is None else start.effects.columns
+                long = long_log_of(Path(path), columns, carried) if in_parts else None
+                return long or read_log(path, columns)
+            except EmptyLogError as error:
+                if path in self.args.logs:
+                    raise
+                logger().warning("left_out", text=str(error))
+        return None
+
+    def _filtered(
+        self, log: WheelLog | LongLog, setup: FilterSetup | None, write: Writer | None, advance: Callable[[int], object]
+    ) -> Run:
+        from rw_ekf.log_replay import replay_log
+        from rw_ekf.logs.long_log import LongLog
+        from rw_ekf.logs.thinned import ThinnedRows
+        from rw_ekf.long_replay import replay_long
+
+        if isinstance(log, LongLog):
+            rows = ThinnedRows(len(log)) if self.args.picture is not None else None
+            takers = [taker for taker in (write, rows) if taker is not None]
+            run = replay_long(log, self.configuration, self.model, setup, writers=takers, advance=advance)
+            return run if rows is None else replace(run, picture_rows=rows.taken())
+        run = replay_log(
+            log, self.configuration, self.model, setup,
+            with_columns=write is not None or self.args.picture is not None,
+            smooth=self.args.smooth,
+            online=self.args.online,
+            advance=advance if self.args.online else lambda rows: None,
+        )  # fmt: skip
+        if write is not None and run.columns is not None:
+            write(log, run.columns)
+        return run
+
+    @contextmanager
+    def _writer(self) -> Iterator[Writer | None]:
+        """What writes the table of all logs, if one is asked for; several are under a first column `log`."""
+        import numpy as np
+
+        from rw_ekf.console import printable
+        from rw_ekf.logs.tables import table_writer
+
+        if self.args.out is None:
+            yield None
+            return
+        with table_writer(self.args.out) as write:
+
+            def written(log: WheelLog, columns: dict[str, Any]) -> None:
+                of_log = {"log": np.full(len(log), printable(log.name), dtype=object)} if len(self.named) > 1 else {}
+                with self._timed("write"):
+                    write({**of_log, **columns})
+
+            yield written
+
+    @contextmanager
+    def _timed(self, what: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.seconds[what] += time.perf_counter() - started
 
 
-def _write(path: str, tables: list[tuple[str, dict[str, Any]]]) -> None:
-    """Write one table; several logs are stacked under a first column `log`."""
-    import numpy as np
+def _setup_of_run(path: str) -> FilterSetup:
+    from rw_ekf.log_replay import setup_of_run
 
-    from rw_ekf.console import printable
-    from rw_ekf.logs.tables import write_table
-
-    if len(tables) == 1:
-        write_table(path, tables[0][1])
-        return
-    names = [np.full(len(columns["time_s"]), printable(name), dtype=object) for name, columns in tables]
-    stacked: dict[str, Any] = {"log": np.concatenate(names)}
-    for key in tables[0][1]:
-        stacked[key] = np.concatenate([np.asarray(columns[key]) for _, columns in tables])
-    write_table(path, stacked)
+    return setup_of_run(Path(path))

@@ -44,10 +44,18 @@ class FilterRun(NamedTuple):
         cls, mean: Float64Array, covariance: Float64Array, n: int, *, states: bool = False, history: bool = False
     ) -> FilterRun:
         """Room for n samples from a belief, which is copied."""
+        mean, covariance = np.array(mean, dtype=np.float64), np.array(covariance, dtype=np.float64)
+        return cls.over(mean, covariance, n, states=states, history=history)
+
+    @classmethod
+    def over(
+        cls, mean: Float64Array, covariance: Float64Array, n: int, *, states: bool = False, history: bool = False
+    ) -> FilterRun:
+        """Room for n samples from a belief, which will be that after them."""
         m, kept = len(mean), n if states else 0
         return cls(
-            mean=np.array(mean, dtype=np.float64),
-            covariance=np.array(covariance, dtype=np.float64),
+            mean=mean,
+            covariance=covariance,
             innovation_rad_s=np.empty(n),
             innovation_variance=np.empty(n),
             outcome=np.empty(n, np.int8),
@@ -55,6 +63,17 @@ class FilterRun(NamedTuple):
             states=np.empty((kept, m)),
             stds=np.empty((kept, m)),
             history=History.zeros(n if history else 0, m),
+        )
+
+    def since(self, begin: int) -> FilterRun:
+        """What is left of the samples from `begin` on, without histories."""
+        return self._replace(
+            states=self.states[begin:],
+            stds=self.stds[begin:],
+            innovation_rad_s=self.innovation_rad_s[begin:],
+            innovation_variance=self.innovation_variance[begin:],
+            outcome=self.outcome[begin:],
+            mended=self.mended[begin:],
         )
 
     @property

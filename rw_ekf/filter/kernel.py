@@ -56,6 +56,13 @@ make_jitable(
 # Called in every sample, with all that a filter remembers: handing that over would take twice as long as the step.
 make_jitable([_step.predict, _step.advance, _step.weigh, _step.look_after], inlined=True)
 
+# Places in `past`: what was last known of what effects are functions of, and whether the log opens at the last sample.
+TEMPERATURE = 0  # [degC]; until known, that which effects of temperature are relative to
+ANGLE = 1  # [rad]
+COLUMNS = 2  # of a learned law, and the two places behind it
+OPENS = 5
+_PAST_SIZE = 6
+
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
 _MODULES = [
     *EQUATIONS,
@@ -96,7 +103,13 @@ make_jitable([_record, _record_apart])
 
 
 def _filter_each(
-    constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun, memory: Memory
+    constants: FilterConstants,
+    table: EffectTable | None,
+    course: Course,
+    run: FilterRun,
+    memory: Memory,
+    past: Float64Array,
+    begin: int,
 ) -> None:
     """The pass itself; it allocates nothing (see `make_jitable`)."""
     time_s, speed_rad_s, segment = course.time_s, course.speed_rad_s, course.segment
@@ -105,11 +118,11 @@ def _filter_each(
     x, P, innovation, innovation_variance, outcome, mended, states, stds, history = run
     keep_state = states.shape[0] > 0
     keep_all = history.predicted.shape[0] > 0
-    temperature, angle = REFERENCE_DEGC, 0.0  # until known: effects of temperature are relative to it
-    columns = (math.nan, math.nan, math.nan)
-    opens = False
-    last = 0  # the sample the state belongs to
-    for i in range(time_s.size):
+    temperature, angle = past[TEMPERATURE], past[ANGLE]
+    columns = (past[COLUMNS], past[COLUMNS + 1], past[COLUMNS + 2])
+    opens = past[OPENS] == 1.0
+    last = max(begin - 1, 0)  # the sample the state belongs to
+    for i in range(begin, time_s.size):
         innovation[i] = math.nan
         innovation_variance[i] = math.nan
         mended[i] = WELL
@@ -168,19 +181,37 @@ def _filter_each(
             for j in range(x.size):
                 states[i, j] = x[j]
                 stds[i, j] = math.sqrt(P[j, j])
+    past[TEMPERATURE], past[ANGLE] = temperature, angle
+    for j in range(len(columns)):
+        past[COLUMNS + j] = columns[j]
+    past[OPENS] = 1.0 if opens else 0.0
 
 
 make_jitable([_filter_each])
 
 
 def _filter_pass(
-    constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun, memory: Memory
+    constants: FilterConstants,
+    table: EffectTable | None,
+    course: Course,
+    run: FilterRun,
+    memory: Memory,
+    past: Float64Array,
+    begin: int,
 ) -> None:
-    """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written.
+    """Filter samples of a log from `begin` on in place; see `filter_log`. Histories of zero rows are not written.
 
+    Where begin is above zero the state is that of the sample before it. past: `nothing_past()`, or as that left it.
     Without effects (a state of five) table is None, and neither temperature nor angle is read.
     """
-    _filter_each(constants, table, course, run, memory)
+    _filter_each(constants, table, course, run, memory, past, begin)
+
+
+def nothing_past() -> Float64Array:
+    """What a pass remembers beside its belief and `Memory`, before the first sample: (6,), see TEMPERATURE and on."""
+    past = np.full(_PAST_SIZE, math.nan)
+    past[TEMPERATURE], past[ANGLE], past[OPENS] = REFERENCE_DEGC, 0.0, 0.0
+    return past
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
@@ -190,7 +221,7 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
     table = NO_EFFECTS.table() if with_effects else None
     run = FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0)
     memory = memory_of(run.mean, run.covariance, constants, table, mends=False)
-    return constants, table, Course.of(series, series, series), run, memory
+    return constants, table, Course.of(series, series, series), run, memory, nothing_past(), 0
 
 
 filter_pass = compile_cached(_filter_pass, _MODULES, lambda: _example(with_effects=False))

@@ -94,8 +94,10 @@ class OperatingPoints:
             (self.speeds, octaves),
             (self.drives, np.where(ways * current_A[at] > 0.0, strengths, -strengths)),
         ):
-            found, counts = np.unique(values, return_counts=True)
-            counter.update(dict(zip(found.tolist(), counts.tolist(), strict=True)))
+            least = int(values.min())
+            counts = np.bincount(values - least)  # some hundred buckets at most: no need to sort
+            found = np.flatnonzero(counts)
+            counter.update(dict(zip((found + least).tolist(), counts[found].tolist(), strict=True)))
 
     @classmethod
     def of_course(
@@ -103,12 +105,15 @@ class OperatingPoints:
     ) -> OperatingPoints:
         """Those of a log's used readings (n,)."""
         found = cls.of_wheel(start, stribeck_speed_rad_s)
-        currents = course.pieces.current_A
-        if currents.size == 0:
-            return found
-        held = np.minimum(np.maximum(course.piece_start - 1, course.first_piece), currents.size - 1)
-        found.add_all(course.speed_rad_s[used], currents[held[used]])
+        found.add_course(course, used)
         return found
+
+    def add_course(self, course: Course, used: BoolArray) -> None:
+        """Count the used readings (n,) of a log, or of a part of one."""
+        currents = course.pieces.current_A
+        if currents.size:
+            held = np.minimum(np.maximum(course.piece_start - 1, course.first_piece), currents.size - 1)
+            self.add_all(course.speed_rad_s[used], currents[held[used]])
 
     def clear(self) -> None:
         """Begin anew: what was seen was of another wheel."""

@@ -10,6 +10,7 @@ narrow enough that the map is all but straight. That tenth is taken away again i
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,6 +36,54 @@ def log_likelihood(run: FilterRun, gate: float) -> float:
     return -0.5 * float(np.sum(np.minimum(run.nis[judged], gate) + np.log(variance)))
 
 
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a second pass begins, and what of that is to be taken away from where it ends."""
+
+    belief: Belief
+    prior_mean: Float64Array  # (m,)
+    known: slice  # of the states: parameters and coefficients, p of them
+    size: Float64Array  # (p,) standard deviations of the prior, in which the rest is
+    added: Float64Array  # (p, p) information
+    aim: Float64Array  # (p,) what it is about, from the prior's mean
+
+    @classmethod
+    def of(cls, prior: Belief, first: Belief, effects: EffectSet = NO_EFFECTS) -> Start | None:
+        """Of a pass that began with `prior`, at where another that did ended; None for a prior that holds something."""
+        known = slice(SPEED + 1, STATE_SIZE + effects.size)
+        size = np.sqrt(np.diag(prior.covariance[known, known]))
+        if not np.all(size > 0.0):
+            return None
+        before = np.linalg.inv(prior.covariance[known, known] / np.outer(size, size))
+        added = SHARE * _positive_part(np.linalg.inv(first.covariance[known, known] / np.outer(size, size)) - before)
+        aim = (first.mean - prior.mean)[known] / size  # everything in the prior's sigmas, and from its mean
+        start = np.linalg.inv(before + added)
+        mean, covariance = prior.mean.copy(), prior.covariance.copy()
+        mean[known] += size * (start @ added @ aim)
+        covariance[known, known] = start * np.outer(size, size)
+        return cls(Belief(mean, covariance), prior.mean, known, size, added, aim)
+
+    def taken_from(self, found: Belief) -> Belief | None:
+        """The belief without the information `added` about `aim`; None where that leaves no covariance."""
+        known, size, P = self.known, self.size, found.covariance
+        ended = P[known, known] / np.outer(size, size)
+        information = np.linalg.inv(ended)
+        left = information - self.added
+        if not np.linalg.eigvalsh(left).min() > 0.0:
+            return None
+        covariance, mean = P.copy(), found.mean.copy()
+        parameters = np.linalg.inv(left)
+        parameters = 0.5 * (parameters + parameters.T)
+        moved = parameters @ (information @ ((found.mean - self.prior_mean)[known] / size) - self.added @ self.aim)
+        shift = self.prior_mean[known] + size * moved - found.mean[known]
+        # What depends on the parameters, the speed and hidden states, follows them as it did.
+        follows = (P[:, known] / size) @ information / size
+        wider = parameters * np.outer(size, size) - P[known, known]
+        mean += follows @ shift
+        covariance += follows @ wider @ follows.T
+        return Belief(mean, 0.5 * (covariance + covariance.T))
+
+
 def second_look(
     course: Course, constants: FilterConstants, prior: Belief, first: Belief, effects: EffectSet = NO_EFFECTS
 ) -> tuple[Belief, float] | None:
@@ -43,21 +92,13 @@ def second_look(
     constants: of the second pass, without drift; their noises may be others than the first one's. prior: what the first
     began with.
     """
-    known = slice(SPEED + 1, STATE_SIZE + effects.size)
-    size = np.sqrt(np.diag(prior.covariance[known, known]))
-    if not np.all(size > 0.0):
+    start = Start.of(prior, first, effects)
+    if start is None:
         return None
-    before = np.linalg.inv(prior.covariance[known, known] / np.outer(size, size))
-    added = SHARE * _positive_part(np.linalg.inv(first.covariance[known, known] / np.outer(size, size)) - before)
-    aim = (first.mean - prior.mean)[known] / size  # everything in the prior's sigmas, and from its mean
-    start = np.linalg.inv(before + added)
-    mean, covariance = prior.mean.copy(), prior.covariance.copy()
-    mean[known] += size * (start @ added @ aim)
-    covariance[known, known] = start * np.outer(size, size)
-    run = filter_log(course, constants, mean, covariance, effects, mends=True)
+    run = filter_log(course, constants, start.belief.mean, start.belief.covariance, effects, mends=True)
     if was_reset(run):
         return None
-    found = _taken_away(Belief(run.mean, run.covariance), prior.mean, known, size, added, aim)
+    found = start.taken_from(Belief(run.mean, run.covariance))
     return None if found is None else (found, log_likelihood(run, constants.gate))
 
 
@@ -69,26 +110,3 @@ def was_reset(run: FilterRun) -> bool:
 def _positive_part(matrix: Float64Array) -> Float64Array:
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def _taken_away(
-    found: Belief, prior_mean: Float64Array, known: slice, size: Float64Array, added: Float64Array, aim: Float64Array
-) -> Belief | None:
-    """The belief without the information `added` about `aim`; None where that leaves no covariance."""
-    P = found.covariance
-    ended = P[known, known] / np.outer(size, size)
-    information = np.linalg.inv(ended)
-    left = information - added
-    if not np.linalg.eigvalsh(left).min() > 0.0:
-        return None
-    covariance, mean = P.copy(), found.mean.copy()
-    parameters = np.linalg.inv(left)
-    parameters = 0.5 * (parameters + parameters.T)
-    moved = parameters @ (information @ ((found.mean - prior_mean)[known] / size) - added @ aim)
-    shift = prior_mean[known] + size * moved - found.mean[known]
-    # What depends on the parameters, the speed and hidden states, follows them as it did.
-    follows = (P[:, known] / size) @ information / size
-    wider = parameters * np.outer(size, size) - P[known, known]
-    mean += follows @ shift
-    covariance += follows @ wider @ follows.T
-    return Belief(mean, 0.5 * (covariance + covariance.T))

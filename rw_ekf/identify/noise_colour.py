@@ -55,6 +55,12 @@ class NoiseColour:
     stride: int  # readings so far apart are independent
     chi_square: float  # that it explains
 
+    def walking(self, first_row: int, rows: int) -> BoolArray:
+        """One row in `stride` (rows,), and after as many a row later: never in step with a command that has a clock."""
+        place = (first_row + np.arange(rows)) % (self.stride * self.stride + 1)
+        kept: BoolArray = (place % self.stride == 0) & (place < self.stride * self.stride)
+        return kept
+
     @property
     def sentence(self) -> str:
         """What was seen and what was done about it."""
@@ -74,14 +80,7 @@ def independent_readings(course: Course) -> tuple[Course, NoiseColour | None]:
     colour = noise_colour(course, speed_noise)
     if colour is None:
         return course, None
-    return course.only(_walking(course.samples, colour.stride)), colour
-
-
-def _walking(rows: int, stride: int) -> BoolArray:
-    """One row in `stride` (rows,), and after as many a row later: never in step with a command that has a clock."""
-    place = np.arange(rows) % (stride * stride + 1)
-    kept: BoolArray = (place % stride == 0) & (place < stride * stride)
-    return kept
+    return course.only(colour.walking(0, course.samples)), colour
 
 
 def _is_rounding(speed_rad_s: Float64Array, speed_noise_rad_s: float) -> bool:

@@ -84,18 +84,23 @@ def default_scale(speed_noise: float | None, period_s: float, rough: FrictionPar
 
 def busiest(course: Course, count: int) -> Course:
     """The `count` samples running in which the speed changes most; all where there are fewer."""
-    n = course.time_s.size
-    if n <= count:
+    if course.samples <= count:
         return course
-    block = max(count // 20, 1)
-    usable = n // block * block
-    speed = course.speed_rad_s[:usable].reshape(-1, block)
+    at, _ = most_moved(course.speed_rad_s, count)
+    return course.window(at, at + count)
+
+
+def most_moved(speed_rad_s: Float64Array, count: int) -> tuple[int, float]:
+    """Where the `count` samples running begin in which the speed (n,) changes most, and by how much in all [rad/s]."""
+    block = max(min(count, speed_rad_s.size) // 20, 1)
+    usable = speed_rad_s.size // block * block
+    speed = speed_rad_s[:usable].reshape(-1, block)
     read = np.isfinite(speed)
     mean = np.where(read, speed, 0.0).sum(axis=1) / np.maximum(read.sum(axis=1), 1)
     moved = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(mean, prepend=mean[:1])))))
     wide = min(count // block, moved.size - 1)
-    at = int(np.argmax(moved[wide:] - moved[:-wide])) * block
-    return course.window(at, at + count)
+    way = moved[wide:] - moved[:-wide]
+    return int(np.argmax(way)) * block, float(np.max(way))
 
 
 def noise_beside_motion(course: Course) -> float | None:

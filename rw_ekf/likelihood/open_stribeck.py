@@ -106,6 +106,22 @@ def over_stribeck_speeds(fit: Fit, top_speed_rad_s: float) -> list[tuple[float, 
     return [(odd / math.fsum(odds), item) for odd, item in zip(odds, found, strict=True)]
 
 
+def within_a_step(fit: Fit) -> list[tuple[float, Fit]]:
+    """The model at three Stribeck speeds for what the record leaves open of one that it tells to less than a step.
+
+    Its logarithm is taken for normal, with the curvature that the likelihood has over the finest step to either side;
+    the three are those of Gauss and Hermite. The fit alone where the likelihood does not fall.
+    """
+    step, omega_s = _STEPS[-1], fit.model.stribeck.omega_s
+    beside = [_value(fit.sketched(_at(fit, omega_s * math.exp(way * step)))) for way in (-1.0, 1.0)]
+    fall = _value(fit) - 0.5 * math.fsum(beside)
+    if not fall > 0.0:
+        return [(1.0, fit)]
+    off = math.sqrt(3.0) * step / math.sqrt(2.0 * fall)
+    others = [fit.sketched(_at(fit, omega_s * math.exp(way * off))) for way in (-1.0, 1.0)]
+    return [(2.0 / 3.0, fit), *((1.0 / 6.0, other) for other in others)]
+
+
 def _outward(fit: Fit, step: float, top_speed_rad_s: float) -> list[Fit]:
     """Fits at speeds one step after another away from that of `fit`, as far as they are likely and a wheel has them."""
     guess = STRIBECK_SHARE_OF_TOP_SPEED * top_speed_rad_s

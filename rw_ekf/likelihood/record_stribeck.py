@@ -17,7 +17,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.log_fit import LogFit
 from rw_ekf.likelihood.noise_posterior import noise_posterior
-from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed, over_stribeck_speeds
+from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed, over_stribeck_speeds, within_a_step
 from rw_ekf.model.state import PARAMETER_COUNT
 
 
@@ -36,6 +36,8 @@ def stribeck_hypotheses(found: LogFit, top_speed_rad_s: float) -> tuple[LogFit, 
     """
     likeliest = likeliest_stribeck_speed(_at_its_speed(found.fit), top_speed_rad_s)
     over = over_stribeck_speeds(likeliest, top_speed_rad_s)
+    if len(over) == 1:
+        over = within_a_step(likeliest)
     hypotheses = [StribeckHypothesis(p, fit.model.stribeck.omega_s, _belief(fit)) for p, fit in over]
     probabilities, speeds = np.array([h.probability for h in hypotheses]), np.array([h.omega_s for h in hypotheses])
     noises = noise_posterior(likeliest)

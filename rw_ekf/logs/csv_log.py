@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.csv_table import read_csv_table
+from rw_ekf.logs.csv_table import csv_in_parts, read_csv_table
 from rw_ekf.logs.format import LogFormat
+from rw_ekf.logs.in_parts import InParts
 from rw_ekf.logs.log_text import LogText, Packing
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.sums import Sums, damage_of, sums_of, sums_path
@@ -21,7 +23,7 @@ _NUMBERS = frozenset(READABLE_COLUMNS) - {"status"}  # which may be words, in so
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     with path.open("rb") as stream:
         head = stream.read(4)
-    packing = next((packing for magic, packing in _PACKED if head.startswith(magic)), None)
+    packing = _packing_of(head)
     text = LogText(path) if packing is None else LogText.unpack(path, packing, name)
     sums = sums_of(path)
     text, said = _checked(text, sums, name)
@@ -33,6 +35,25 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         said = f"{said or f'{name}: is torn'}; {sums.rows - table.rows} rows that were written are missing"
     table.warnings += [*([] if said is None else [said]), *([] if sums.damaged is None else [sums.damaged])]
     return table
+
+
+def _packing_of(head: bytes) -> Packing | None:
+    return next((packing for magic, packing in _PACKED if head.startswith(magic)), None)
+
+
+def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str]) -> InParts | None:
+    """A text that is as its run wrote it, or that no run wrote; a packed one is unpacked as a whole."""
+    with path.open("rb") as stream:
+        if _packing_of(stream.read(4)) is not None:
+            return None
+    text, sums = LogText(path), sums_of(path)
+    if sums.damaged is not None or _checked(text, sums, name)[1] is not None:
+        return None
+
+    def numeric(number: int, column: str) -> bool:
+        return column in _NUMBERS or column in carried or columns.uses(number, column)
+
+    return csv_in_parts(text, columns.csv, numeric, name)
 
 
 def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]:
@@ -69,4 +90,6 @@ def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]
     )
 
 
-FORMAT = LogFormat(lambda head, suffix: True, _read, "nothing: takes what no other format has taken")
+FORMAT = LogFormat(
+    lambda head, suffix: True, _read, "nothing: takes what no other format has taken", in_parts=_in_parts
+)

@@ -6,12 +6,14 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs import csv_slow
+from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _BLOCK_BYTES = 1 << 22  # read and parsed at a time: a fifth less work than by pyarrow's own 1 MB
+_BLOCK_OF_PARTS = 1 << 20  # the same of a log that is not held as a whole: some forty thousand rows
 _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
 _LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
 _LOOKED_AT_ROWS = 40
@@ -188,22 +191,69 @@ def _fast(file: CsvFile) -> pa.Table | None:
     import pyarrow as pa
     import pyarrow.csv as pa_csv
 
-    keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
-    types = {key: pa.float64() for key, numeric in zip(keys, file.numeric, strict=True) if numeric}
     try:
         with file.text.for_arrow() as text:
-            table = pa_csv.read_csv(
-                text,
-                read_options=pa_csv.ReadOptions(
-                    skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES
-                ),
-                parse_options=pa_csv.ParseOptions(delimiter=file.layout.separator),
-                convert_options=pa_csv.ConvertOptions(column_types=types, null_values=_GAPS),
-            )
+            table = pa_csv.read_csv(text, *_arrow_options(file, _BLOCK_BYTES))
     except (pa.ArrowException, OSError, ValueError):
         return None
     # Text that is not UTF-8 comes back as bytes: let the slow pass say where it is.
     return None if any(pa.types.is_binary(field.type) for field in table.schema) else table
+
+
+def _arrow_options(file: CsvFile, block_bytes: int, *, guessing: bool = True) -> tuple[Any, Any, Any]:
+    """How pyarrow is to read, to split and to convert.
+
+    guessing: what columns hold that need not be numbers, as it guesses from the first block; else they are text.
+    """
+    import pyarrow as pa
+    import pyarrow.csv as pa_csv
+
+    keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
+    kinds = [pa.float64() if numeric else pa.string() for numeric in file.numeric]
+    types = {key: kind for key, kind in zip(keys, kinds, strict=True) if not guessing or kind == pa.float64()}
+    return (
+        pa_csv.ReadOptions(skip_rows=file.first_line - 1, column_names=keys, block_size=block_bytes),
+        pa_csv.ParseOptions(delimiter=file.layout.separator),
+        pa_csv.ConvertOptions(column_types=types, null_values=_GAPS),
+    )
+
+
+def csv_in_parts(
+    text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
+) -> InParts | None:
+    """The rows of a text, some ten thousand at a time; None for one that is laid out in another way."""
+    if _other_layout(text, layout, must_be_numeric) is not None:
+        return None
+    with text.open() as stream:
+        head = stream.read(_LOOKED_AT_BYTES)
+    names, has_header, first_line, first_row = _header(text, layout, name_shown)
+    stamps = _stamps(first_row, layout, len(names))
+    numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
+    file = CsvFile(text, layout, names, has_header, first_line, numeric)
+    size, shown = text.path.stat().st_size, max(head.count(b"\n") - first_line + 1, 1)
+    return InParts(int(size * shown / len(head)), lambda: _tables(file, name_shown))
+
+
+def _tables(file: CsvFile, name_shown: str) -> Iterator[RawTable]:
+    """The tables of a file, block by block. Raises UnsoundError where pyarrow stumbles."""
+    import pyarrow as pa
+    import pyarrow.csv as pa_csv
+
+    read, parse, convert = _arrow_options(file, _BLOCK_OF_PARTS, guessing=False)
+    place, first = csv_slow.place_finder(file), 0
+    try:
+        with file.text.for_arrow() as text, pa_csv.open_csv(text, read, parse, convert) as reader:
+            for batch in reader:
+                if batch.num_rows:
+                    columns = [pa.chunked_array([column]) for column in batch.columns]
+                    yield RawTable(name_shown, file.names, columns, batch.num_rows, partial(_place, place, first))
+                    first += batch.num_rows
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise UnsoundError(str(error)) from None
+
+
+def _place(place: Callable[[int], str], first: int, row: int) -> str:
+    return place(first + row)
 
 
 def _stamps(first_row: str, layout: CsvLayout, columns: int) -> list[bool]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import NamedTuple
 
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.in_parts import InParts
 from rw_ekf.logs.raw_table import RawTable
 
 HEAD_BYTES = 128
@@ -20,6 +21,8 @@ class LogFormat(NamedTuple):
     by: str = ""  # by what it is recognised, in words, for the list of formats
     extra: str = ""  # what `pip install "rw-ekf[EXTRA]"` brings to read it; empty: nothing more is needed
     modules: tuple[str, ...] = ()  # what that installs, as it is imported
+    # In parts, with the columns of these names beside the log's own; None where a file needs to be seen as a whole.
+    in_parts: Callable[[Path, str, ColumnMap, Collection[str]], InParts | None] = lambda *_: None
 
 
 def noting_suffix(table: RawTable, path: Path, suffix: str, kind: str) -> RawTable:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.format import LogFormat, noting_suffix
+from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+
+_ROWS_AT_ONCE = 1 << 15  # their columns and what a filter leaves of them fit into the processor's cache
+_BUFFER_BYTES = 1 << 20  # of each column: a row group may be larger than the memory
 
 
 def read_parquet_table(path: Path, name: str) -> RawTable:
@@ -46,8 +53,43 @@ def of_arrow(table: Any, name: str) -> RawTable:
     return read
 
 
+def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str]) -> InParts | None:
+    """The rows of a file, some ten thousand at a time."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    def opened(stream: BinaryIO) -> Any:
+        return parquet.ParquetFile(stream, page_checksum_verification=True, buffer_size=_BUFFER_BYTES)
+
+    def tables() -> Iterator[RawTable]:
+        first = 0
+        try:
+            with path.open("rb") as stream:
+                file = opened(stream)
+                names = [column for column in file.schema_arrow.names if _is_read(column.strip(), columns, carried)]
+                for batch in file.iter_batches(batch_size=_ROWS_AT_ONCE, columns=names, use_threads=False):
+                    table = of_arrow(pa.Table.from_batches([batch]), name)
+                    table.place = lambda row, first=first: f"row {first + row + 1}"  # type: ignore[misc]
+                    yield noting_suffix(table, path, ".parquet", "Parquet")
+                    first += batch.num_rows
+        except (pa.ArrowException, OSError, ValueError) as error:
+            raise UnsoundError(str(error)) from None
+
+    try:
+        with path.open("rb") as stream:
+            return InParts(int(opened(stream).metadata.num_rows), tables)
+    except (pa.ArrowException, OSError, ValueError):
+        return None
+
+
+def _is_read(column: str, columns: ColumnMap, carried: Collection[str]) -> bool:
+    by_number = any(isinstance(source.column, int) for source in columns.sources.values())
+    return by_number or column in READABLE_COLUMNS or column in carried or columns.uses(-1, column)
+
+
 FORMAT = LogFormat(
     lambda head, suffix: head.startswith(b"PAR1"),
     lambda path, name, columns: noting_suffix(read_parquet_table(path, name), path, ".parquet", "Parquet"),
     "the first bytes 'PAR1'",
+    in_parts=parquet_in_parts,
 )

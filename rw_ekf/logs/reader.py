@@ -11,37 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.assembly import Assembly
 from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.interleaved import widened
 from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
-from rw_ekf.logs.mapping import MappedColumns, map_columns
-from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
 from rw_ekf.logs.raw_table import RawTable, stacked
-from rw_ekf.logs.row_rules import (
-    backward_difference,
-    block_means,
-    decimated_rows,
-    held_current,
-    new_rows,
-    restarted,
-    rows_in_order,
-    segment_ids,
-    spread_stamps,
-)
 from rw_ekf.logs.side_by_side import beside_each_other, with_whole_time
 from rw_ekf.logs.sums import all_sums, part_key, sums_of
-from rw_ekf.logs.wheel_log import CHANNELS, Drive, WheelLog
-from rw_ekf.units import rad_s_from_rpm
-
-MAX_SKIPPED_SHARE = 0.01
-_GAPS_UNSAID = 0.01  # of the rows: a run misses a reply now and then
-_CURRENTS = ("current_command_A", "current_A")
+from rw_ekf.logs.wheel_log import WheelLog
 
 
 def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) -> WheelLog:
@@ -95,7 +77,7 @@ def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
         table = table.of_only(*columns.only)
     if columns.reverse:
         table = table.reversed()
-    return _assemble(table, map_columns(table, columns), columns)
+    return Assembly(columns).whole(table)
 
 
 def log_of_arrays(columns: Mapping[str, Any], name: str = "arrays", column_map: ColumnMap | None = None) -> WheelLog:
@@ -136,7 +118,7 @@ def read_table(path: Path, columns: ColumnMap) -> RawTable:
     parts = parts_of(path)
     if len(parts.files) == 1 and PartName.of(parts.files[0].name) is None:
         return _read_part(parts.files[0], columns)
-    missing = _missing_parts(path, parts.files)
+    missing = missing_parts(path, parts.files)
     tables: list[RawTable] = []
     warnings, empty = [*parts.warnings, *missing.values()], None
     gaps, before = 0, 0
@@ -164,7 +146,7 @@ def read_table(path: Path, columns: ColumnMap) -> RawTable:
     return table
 
 
-def _missing_parts(path: Path, files: tuple[Path, ...]) -> dict[int, str]:
+def missing_parts(path: Path, files: tuple[Path, ...]) -> dict[int, str]:
     """Say which parts of the run are not there, by their number: gaps in the numbers, and those known by checksums."""
     asked = PartName.of(path.name)
     if asked is None or asked.form != FORMS[0] or asked.number > 1 or not files[0].exists():
@@ -210,154 +192,3 @@ def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     if not needs_guess(table):
         return table
     return with_whole_time(widened(table) or beside_each_other(table) or table)
-
-
-def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> WheelLog:
-    """Apply the rules for rows, then build the log."""
-    warnings = [*table.warnings, *mapped.warnings]
-    time_s = mapped.values["time_s"]
-    _all_present(table, time_s, "time_s", "every row needs its time")
-    if columns.restarts and "segment" not in mapped.values:
-        mapped.values["segment"] = restarted(time_s)
-    segment = _segments(table, mapped)
-    if columns.repeats == "spread":
-        time_s = mapped.values["time_s"] = spread_stamps(time_s, segment)
-    new = np.ones(table.rows, dtype=np.bool_)
-    if columns.repeats == "drop":
-        new = new_rows([time_s, *(values for name, values in mapped.values.items() if name != "time_s")], segment)
-    keep = new.copy()
-    keep[new] = rows_in_order(time_s[new], segment[new])
-    skipped = int(new.sum() - keep.sum())
-    rows: Any = slice(None) if keep.all() else np.flatnonzero(keep)
-    faults = list(mapped.faults)
-    if skipped:
-        stepped = clock_set_back(time_s, _reading(mapped), segment, table.place)
-        warnings.append(_skipped_message(table, keep | ~new, skipped, stepped))
-        faults += [] if stepped is None else [stepped]
-    values = {name: array[rows] for name, array in mapped.values.items()}
-    position = None if mapped.position is None else mapped.position[0][rows]
-    segment = segment[rows]
-    if columns.decimate > 1:
-        starts = decimated_rows(segment, columns.decimate)
-        values = {
-            name: block_means(array, starts) if name in _CURRENTS else array[starts] for name, array in values.items()
-        }
-        position = None if position is None else position[starts]
-        segment = segment[starts]
-        rows = starts if isinstance(rows, slice) else rows[starts]
-    if position is not None and mapped.position is not None:
-        _, source, name = mapped.position
-        unit = rad_s_from_rpm(1.0) if name == "speed_rpm" else 1.0
-        slope = backward_difference(position, values["time_s"], segment, source.wrap)
-        values["speed_rad_s"] = unit * (source.scale * slope + source.offset)
-    drive, current_A = _drive(table, values, mapped, segment, warnings)
-    delay_s = values.get("command_delay_s")
-    delay_s = np.zeros(len(segment)) if delay_s is None else np.where(np.isnan(delay_s), 0.0, delay_s)
-    _check_delay(table, delay_s, rows)
-    _note_thin_log(table, values["speed_rad_s"], warnings)
-    return WheelLog(
-        name=table.path,
-        time_s=values["time_s"],
-        speed_rad_s=values["speed_rad_s"],
-        current_A=current_A,
-        drive=drive,
-        command_delay_s=delay_s,
-        segment=segment,
-        channels={name: values[name] for name in CHANNELS if name in values and name not in mapped.constant},
-        other={name: _taken(column, rows) for name, column in mapped.other.items()},
-        rows_read=table.rows,
-        skipped_rows=skipped,
-        warnings=tuple(warnings),
-        in_rpm=mapped.in_rpm or (mapped.position is not None and mapped.position[2] == "speed_rpm"),
-        sources=mapped.sources,
-        faults=tuple(faults),
-    )
-
-
-def _reading(mapped: MappedColumns) -> Float64Array:
-    return mapped.values["speed_rad_s"] if mapped.position is None else mapped.position[0]
-
-
-def _all_present(table: RawTable, values: Float64Array, name: str, why: str) -> None:
-    gaps = np.isnan(values)
-    if gaps.any():
-        place = table.place(int(np.argmax(gaps)))
-        raise LogError(f"{table.path}: {place}, column '{name}': is empty or nan, {why}: mend or remove the row")
-
-
-def _segments(table: RawTable, mapped: MappedColumns) -> Int64Array:
-    values = mapped.values.get("segment")
-    if values is None:
-        return np.zeros(table.rows, dtype=np.int64)
-    _all_present(table, values, "segment", "every row needs its segment")
-    return segment_ids(values)
-
-
-def _skipped_message(table: RawTable, keep: Any, skipped: int, stepped: str | None) -> str:
-    """Warn about skipped rows. Raises LogError if they are too many to be an accident."""
-    first = table.place(int(np.argmin(keep)))
-    share = skipped / table.rows
-    rows = f"{skipped} of {table.rows} rows" if skipped > 1 else f"1 of {table.rows} rows"
-    if share > MAX_SKIPPED_SHARE and stepped is not None:
-        raise LogError(f"{table.path}: {stepped}")
-    if share > MAX_SKIPPED_SHARE:
-        raise LogError(
-            f"{table.path}: {rows} ({100 * share:.1f} %) repeat a time or go backward, first at {first}; above "
-            f"{100 * MAX_SKIPPED_SHARE:g} % this is no accident: sort the log by time, or give a `segment` column that "
-            "changes where time restarts"
-        )
-    return f"{table.path}: {rows} repeat a time or go backward and were skipped, first at {first}"
-
-
-def _drive(
-    table: RawTable, values: dict[str, Float64Array], mapped: MappedColumns, segment: Int64Array, warnings: list[str]
-) -> tuple[Drive, Float64Array]:
-    """Choose the current that drives the model, and hold it over its gaps."""
-    candidates = [name for name in _CURRENTS if name in values]
-    filled = [name for name in candidates if not np.isnan(values[name]).all()]
-    if not filled:
-        raise LogError(
-            f"{table.path}: column '{candidates[0]}' is empty throughout: the model needs the current; "
-            "if there was none, map it with {constant: 0.0}"
-        )
-    name = filled[0]
-    if name != candidates[0]:
-        warnings.append(f"{table.path}: column '{candidates[0]}' is empty throughout; '{name}' drives the model")
-    current_A, leading = held_current(values[name], segment)
-    held = int(np.isnan(values[name]).sum()) - leading
-    if leading:
-        rows = "1 row" if leading == 1 else f"{leading} rows"
-        warnings.append(f"{table.path}: no {name} in {rows} at the start of a segment; 0 A was taken there")
-    if held > _GAPS_UNSAID * len(segment):
-        warnings.append(f"{table.path}: no {name} in {held} of {len(segment)} rows; the value before was held there")
-    if name in mapped.constant:
-        return "constant", current_A
-    return ("current_command_A" if name == "current_command_A" else "current_A"), np.array(current_A)
-
-
-def _check_delay(table: RawTable, delay_s: Float64Array, rows: Any) -> None:
-    negative = delay_s < 0.0
-    if negative.any():
-        index = int(np.argmax(negative))
-        row = index if isinstance(rows, slice) else int(rows[index])
-        raise LogError(
-            f"{table.path}: {table.place(row)}, column 'command_delay_s': {delay_s[index]} is negative: a command "
-            "cannot act before the row it stands in"
-        )
-
-
-def _note_thin_log(table: RawTable, speed_rad_s: Float64Array, warnings: list[str]) -> None:
-    if len(speed_rad_s) == 1:
-        warnings.append(f"{table.path}: holds only one sample")
-    if np.isnan(speed_rad_s).all():
-        warnings.append(f"{table.path}: holds no speed: the column is empty throughout")
-
-
-def _taken(column: Any, rows: Any) -> Any:
-    """Rows of a carried column, as one pyarrow array."""
-    import pyarrow as pa
-
-    if isinstance(column, pa.ChunkedArray):
-        column = column.combine_chunks()
-    array = column if isinstance(column, pa.Array) else pa.array(column)
-    return array if isinstance(rows, slice) else array.take(pa.array(rows))

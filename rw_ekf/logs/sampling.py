@@ -221,13 +221,12 @@ def without_repeats(log: WheelLog) -> tuple[WheelLog, Sampling]:
     """The same rows, those that only repeat the reading before without one: they would count it many times over."""
     log = evenly_stamped(log)
     sampling = sampling_of(log)
-    return _read_anew(log, sampling), sampling
+    return read_anew(log, sampling.held), sampling
 
 
-def _read_anew(log: WheelLog, sampling: Sampling) -> WheelLog:
-    if not sampling.held.any():
-        return log
-    return replace(log, speed_rad_s=np.where(sampling.held, np.nan, log.speed_rad_s))
+def read_anew(log: WheelLog, held: BoolArray) -> WheelLog:
+    """The log without the readings (n,) that are held."""
+    return replace(log, speed_rad_s=np.where(held, np.nan, log.speed_rad_s)) if held.any() else log
 
 
 def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
@@ -237,7 +236,7 @@ def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
     more than a fifth of the readings' noise if it changed at any other moment, the record is cut: a new segment begins.
     The speed keeps what moved it, so that a step far below the noise of one reading shows in the mean of many.
     """
-    log = _read_anew(log, sampling)
+    log = read_anew(log, sampling.held)
     if sampling.lost == 0:
         return log
     step = np.diff(log.time_s)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -34,19 +35,60 @@ def write_table(path: str | Path, columns: Mapping[str, Any]) -> None:
     NaN and None are gaps: empty in CSV, null in Parquet, NaN in MATLAB. A device such as /dev/stdout gets CSV.
     Raises BadInputError for an unknown suffix or a place that cannot be written, ValueError for unequal lengths.
     """
+    with table_writer(path) as write:
+        write(columns)
+
+
+@contextmanager
+def table_writer(path: str | Path) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """Give what writes columns under those before, as `write_table` does; the file is there once the block ends well.
+
+    MATLAB files alone are held until then. All columns have the names and kinds of the first; else BadInputError.
+    """
     check_suffix(path)
-    table = table_of(columns)
     suffix = Path(path).suffix.lower()
     # Opened by hand: pyarrow takes a path for UTF-8, and would write to a file beside it where names are not.
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        if suffix == ".parquet":
+        sheet = _Sheet(stream, suffix, str(path))
+        yield sheet.write
+        sheet.close()
+
+
+class _Sheet:
+    """A table that is being written."""
+
+    def __init__(self, stream: BinaryIO, suffix: str, name: str) -> None:
+        self._stream, self._suffix, self._name = stream, suffix, name
+        self._schema: pa.Schema | None = None
+        self._parquet: Any = None
+        self._held: list[pa.Table] = []
+
+    def write(self, columns: Mapping[str, Any]) -> None:
+        table = table_of(columns)
+        first = self._schema is None
+        self._schema = self._schema or table.schema
+        if table.schema != self._schema:
+            raise BadInputError(
+                f"{self._name}: the tables to be written have other columns ({', '.join(table.column_names)}) than the "
+                f"first ({', '.join(self._schema.names)}): write them one by one"
+            )
+        if self._suffix == ".mat":
+            self._held.append(table)
+        elif self._suffix != ".parquet":
+            _write_csv(self._stream, table, header=first)
+        else:
             from pyarrow import parquet
 
-            parquet.write_table(table, stream, write_page_checksum=True)
-        elif suffix == ".mat":
-            _write_matlab(stream, table)
-        else:
-            _write_csv(stream, table)
+            self._parquet = self._parquet or parquet.ParquetWriter(self._stream, self._schema, write_page_checksum=True)
+            self._parquet.write_table(table)
+
+    def close(self) -> None:
+        import pyarrow as pa
+
+        if self._parquet is not None:
+            self._parquet.close()
+        if self._held:
+            _write_matlab(self._stream, pa.concat_tables(self._held))
 
 
 def table_of(columns: Mapping[str, Any]) -> pa.Table:
@@ -65,11 +107,12 @@ def table_of(columns: Mapping[str, Any]) -> pa.Table:
     return pa.table(arrays)
 
 
-def _write_csv(stream: BinaryIO, table: pa.Table) -> None:
+def _write_csv(stream: BinaryIO, table: pa.Table, *, header: bool) -> None:
     import pyarrow.csv as pa_csv
 
     # Gaps in carried columns may stand as NaN, which readers take for a gap as well.
-    stream.write((",".join(map(cell, table.column_names)) + "\n").encode())
+    if header:
+        stream.write((",".join(map(cell, table.column_names)) + "\n").encode())
     pa_csv.write_csv(table, stream, pa_csv.WriteOptions(include_header=False, quoting_style="needed"))
 
 

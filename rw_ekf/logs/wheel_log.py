@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -99,6 +99,19 @@ class WheelLog:
         from rw_ekf.logs.log_picture import log_figure
 
         return log_figure(self)
+
+    def rows(self, chosen: slice) -> WheelLog:
+        """Some of its rows."""
+        return replace(
+            self,
+            time_s=self.time_s[chosen],
+            speed_rad_s=self.speed_rad_s[chosen],
+            current_A=self.current_A[chosen],
+            command_delay_s=self.command_delay_s[chosen],
+            segment=self.segment[chosen],
+            channels={name: values[chosen] for name, values in self.channels.items()},
+            other={name: values[chosen] for name, values in self.other.items()},
+        )
 
     @property
     def further_columns(self) -> tuple[str, ...]:

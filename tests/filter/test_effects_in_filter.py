@@ -18,7 +18,7 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
-from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
+from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects, nothing_past
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.step import memory_of
 from rw_ekf.model.effect import Shape, Term
@@ -202,7 +202,8 @@ def test_the_five_states_alone_are_the_general_pass_unrolled(profile: str) -> No
     for run, table, kernel in zip(
         runs, (None, NO_EFFECTS.table()), (filter_pass, filter_pass_with_effects), strict=True
     ):
-        kernel(constants, table, course, run, memory_of(run.mean, run.covariance, constants, table, mends=True))
+        memory = memory_of(run.mean, run.covariance, constants, table, mends=True)
+        kernel(constants, table, course, run, memory, nothing_past(), 0)
     assert np.array_equal(runs[0].states, runs[1].states)
     assert np.array_equal(runs[0].stds, runs[1].stds)
     assert np.array_equal(runs[0].outcome, runs[1].outcome)

@@ -1,0 +1,99 @@
+"""A log that is too long to be held: its parts, one after the other, as often as they are asked for.
+
+Each part begins with the last rows of the one before it, so that what came before a row is known there: the current
+that was in force, and what a lag or a delay looks back on. The rows are those of the log read as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from rw_ekf.errors import EmptyLogError
+from rw_ekf.logs.assembly import Assembly, Rows
+from rw_ekf.logs.column_guess import needs_guess
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.formats import format_of
+from rw_ekf.logs.in_parts import InParts, UnsoundError
+from rw_ekf.logs.parts import parts_of
+from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.reader import missing_parts
+from rw_ekf.logs.wheel_log import WheelLog
+
+LONG_ROWS = 262_144  # 54 MB and more as a whole; shorter logs are held, and all that is known of a log is known of them
+BEFORE_S = 12.0  # of the part before: a delay or a mean is 10 s at most (rw_ekf.effects)
+
+
+class LogPart(NamedTuple):
+    """A part of a log."""
+
+    log: WheelLog  # with rows of the part before in front
+    begin: int  # how many these are
+    first_row: int  # the number in the whole log of the row at `begin`
+
+
+@dataclass(eq=False)
+class LongLog:
+    """A log in files that can be read in parts."""
+
+    name: str
+    columns: ColumnMap
+    files: tuple[InParts, ...]
+    carried: tuple[str, ...] = ()  # columns that a model is a function of
+    rows: int = 0  # about, until all parts have been read once
+    warnings: tuple[str, ...] = field(default=(), init=False)  # what was mended in reading, once they have been
+
+    def __len__(self) -> int:
+        return self.rows
+
+    def parts(self) -> Iterator[LogPart]:
+        """Read the parts. Raises UnsoundError where only the whole can be judged, LogError as `read_log`."""
+        assembly, row = Assembly(self.columns, self.carried), 0
+        last: Rows | None = None
+        for table in self._tables():
+            log, begin, last = assembly.part(table, last, BEFORE_S)
+            yield LogPart(log, begin, row)
+            row += len(log) - begin
+        self.rows, self.warnings = row, tuple(assembly.warnings(self.name))
+
+    def _tables(self) -> Iterator[RawTable]:
+        for file in self.files:
+            for table in file.tables():
+                table.path = self.name
+                if needs_guess(table) and not self.columns.sources:
+                    raise UnsoundError(f"{self.name}: its columns have other names than a log's")
+                yield table
+
+
+def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] = ()) -> LongLog | None:
+    """A log that can be read in parts, and is long enough for that; None for any other, whatever it is."""
+    if not _row_by_row(columns):
+        return None
+    parts = parts_of(path)
+    if parts.warnings or missing_parts(path, parts.files):
+        return None
+    files = []
+    for file in parts.files:
+        try:
+            found = format_of(file, str(file)).in_parts(file, str(file), columns, carried)
+        except (OSError, EmptyLogError):
+            return None
+        if found is None:
+            return None
+        files.append(found)
+    rows = sum(file.rows for file in files)
+    return LongLog(str(path), columns, tuple(files), carried, rows) if rows > LONG_ROWS else None
+
+
+def _row_by_row(columns: ColumnMap) -> bool:
+    """Whether a map says of each row what it is, whatever the others are."""
+    plain = ColumnMap(columns.path, columns.sources, columns.csv, repeats=columns.repeats, dbc=columns.dbc)
+    sources = columns.sources.items()
+    return (
+        columns == plain
+        and columns.repeats != "spread"
+        and all(source.kind != "derivative" and source.sign_of is None for _, source in sources)
+        and not any(source.wrap for name, source in sources if name == "time_s")
+    )

@@ -1,0 +1,170 @@
+"""A log that is read in parts has the rows of the log read as a whole, whatever is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs import csv_table, long_log, parquet_table
+from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.long_log import LongLog, long_log_of
+from rw_ekf.logs.parts import part_path
+from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.tables import write_table
+from rw_ekf.logs.wheel_log import WheelLog
+
+ROWS = 3000
+ARRAYS = ("time_s", "speed_rad_s", "current_A", "command_delay_s")
+
+
+@pytest.fixture(autouse=True)
+def _small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts of some hundred rows, each with a second of the one before."""
+    monkeypatch.setattr(long_log, "LONG_ROWS", 1000)
+    monkeypatch.setattr(long_log, "BEFORE_S", 1.0)
+    monkeypatch.setattr(csv_table, "_BLOCK_OF_PARTS", 9000)
+    monkeypatch.setattr(parquet_table, "_ROWS_AT_ONCE", 257)
+
+
+def columns_of(seed: int) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    """A log in segments, with rows that repeat a time, gaps of current and speed, and further columns."""
+    rng = np.random.default_rng(seed)
+    segment = np.cumsum(rng.random(ROWS) < 0.002).astype(np.float64)
+    time_s = 0.1 * np.arange(ROWS) - 40.0 * segment
+    again = rng.choice(np.arange(1, ROWS), 12, replace=False)
+    time_s[again] = time_s[again - 1] - 0.05 * rng.random(12)
+    speed = np.where(rng.random(ROWS) < 0.03, np.nan, 20.0 * np.sin(0.01 * np.arange(ROWS)))
+    current = np.where(rng.random(ROWS) < 0.05, np.nan, np.repeat(rng.normal(0.0, 0.1, ROWS // 10), 10))
+    return {
+        "time_s": time_s,
+        "speed_rad_s": speed,
+        "current_command_A": current,
+        "command_delay_s": np.where(rng.random(ROWS) < 0.5, np.nan, 0.03),
+        "segment": segment,
+        "temperature_degC": 20.0 + 0.001 * np.arange(ROWS),
+        "tank_K": 300.0 + rng.normal(0.0, 1.0, ROWS),
+    }
+
+
+def opened(path: Path, columns: ColumnMap | None = None) -> LongLog:
+    """The log, which must be one that can be read in parts."""
+    log = long_log_of(path, columns or ColumnMap(), ("tank_K",))
+    assert log is not None
+    return log
+
+
+def put_together(log: LongLog) -> WheelLog:
+    """The rows of all parts, none twice."""
+    parts = list(log.parts())
+    assert len(parts) > 5
+    assert [part.first_row for part in parts] == list(np.cumsum([0, *(len(p.log) - p.begin for p in parts[:-1])]))
+    last = parts[-1].log
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(p.log, name)[p.begin :] for p in parts]) for name in ARRAYS}
+    opens = [p.log.segment[p.begin :] != np.roll(p.log.segment, 1)[p.begin :] for p in parts]
+    opens[0][0] = False
+    channels = {name: np.concatenate([p.log.channels[name][p.begin :] for p in parts]) for name in last.channels}
+    tanks = [tank for p in parts if (tank := p.log.numbers("tank_K")) is not None]
+    other = {"tank_K": np.concatenate([tank[p.begin :] for tank, p in zip(tanks, parts, strict=True)])} if tanks else {}
+    return replace(last, segment=np.cumsum(np.concatenate(opens)), channels=channels, other=other, **arrays)
+
+
+def assert_same(parts: WheelLog, whole: WheelLog) -> None:
+    """The same rows."""
+    for name in (*ARRAYS, "segment"):
+        assert np.array_equal(getattr(parts, name), getattr(whole, name), equal_nan=name == "speed_rad_s"), name
+    assert (parts.drive, parts.rows_read, parts.skipped_rows) == (whole.drive, whole.rows_read, whole.skipped_rows)
+    tank = whole.numbers("tank_K")
+    if tank is not None:
+        assert np.array_equal(parts.other["tank_K"], tank)
+        assert np.array_equal(parts.channels["temperature_degC"], whole.channels["temperature_degC"])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_rows_and_what_is_said_of_them_are_the_same(tmp_path: Path, suffix: str, seed: int) -> None:
+    """Rows out of order are skipped, gaps held and segments told apart across the edges of parts as within them."""
+    path = tmp_path / f"log{suffix}"
+    write_table(path, columns_of(seed))
+    log, whole = opened(path), read_log(path)
+    assert_same(put_together(log), whole)
+    assert log.warnings == whole.warnings
+    assert len(log) == len(whole)
+
+
+def test_the_parts_of_a_run_are_one_log(tmp_path: Path) -> None:
+    """Files of one run follow each other like parts of one file."""
+    columns = columns_of(9)
+    first = tmp_path / "run.csv"
+    for number, rows in enumerate((slice(0, 1300), slice(1300, None)), start=1):
+        write_table(part_path(first, number), {name: values[rows] for name, values in columns.items()})
+    assert_same(put_together(opened(first)), read_log(first))
+
+
+def test_a_map_of_columns_holds_for_each_part(tmp_path: Path) -> None:
+    """Scale and name of a column are those of the map; a log in rpm is said to be one."""
+    path = tmp_path / "log.csv"
+    columns = columns_of(3)
+    columns["n"] = columns.pop("speed_rad_s")
+    write_table(path, columns)
+    named = ColumnMap(sources={"speed_rpm": Source("column", "n", scale=-2.0)})
+    parts = put_together(opened(path, named))
+    assert_same(parts, read_log(path, named))
+    assert parts.in_rpm
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_value_that_cannot_be_is_placed_as_in_the_whole(tmp_path: Path, suffix: str) -> None:
+    """An infinite speed far down is refused with its line and column, by the same sentence."""
+    path = tmp_path / f"log{suffix}"
+    columns = columns_of(1)
+    columns["speed_rad_s"][2345] = np.inf
+    write_table(path, columns)
+    with pytest.raises(LogError) as whole:
+        read_log(path)
+    with pytest.raises(LogError) as parts:
+        list(opened(path).parts())
+    assert str(parts.value) == str(whole.value)
+    assert "234" in str(parts.value)
+
+
+def test_too_many_rows_out_of_order_are_refused_alike(tmp_path: Path) -> None:
+    """Above one in a hundred, with the same count and place."""
+    path = tmp_path / "log.csv"
+    columns = columns_of(2)
+    columns["time_s"][::50] = columns["time_s"][0]
+    write_table(path, columns)
+    with pytest.raises(LogError) as whole:
+        read_log(path)
+    with pytest.raises(LogError) as parts:
+        list(opened(path).parts())
+    assert str(parts.value) == str(whole.value)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        ColumnMap(decimate=5),
+        ColumnMap(reverse=True),
+        ColumnMap(rate_hz=10.0),
+        ColumnMap(repeats="spread"),
+        ColumnMap(sources={"time_s": Source("column", "time_s", wrap=100.0)}),
+        ColumnMap(sources={"speed_rad_s": Source("derivative", "tank_K")}),
+    ],
+)
+def test_what_has_to_be_seen_as_a_whole_is(tmp_path: Path, columns: ColumnMap) -> None:
+    """A map that says of a row what depends on others far away makes no parts."""
+    path = tmp_path / "log.csv"
+    write_table(path, columns_of(5))
+    assert long_log_of(path, columns) is None
+
+
+def test_a_short_log_is_held(tmp_path: Path) -> None:
+    """What fits into memory is read at once: all that is known of it is then known of all of it."""
+    path = tmp_path / "log.csv"
+    write_table(path, {name: values[:900] for name, values in columns_of(6).items()})
+    assert long_log_of(path, ColumnMap()) is None
