@@ -59,7 +59,7 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
     from pyarrow import parquet
 
     def opened(stream: BinaryIO) -> Any:
-        return parquet.ParquetFile(stream, page_checksum_verification=True, buffer_size=_BUFFER_BYTES)
+        return parquet.ParquetFile(stream, page_checksum_verification=True, buffer_size=_BUFFER_BYTES, pre_buffer=False)
 
     def tables() -> Iterator[RawTable]:
         first = 0
@@ -67,11 +67,12 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
             with path.open("rb") as stream:
                 file = opened(stream)
                 names = [column for column in file.schema_arrow.names if _is_read(column.strip(), columns, carried)]
-                for batch in file.iter_batches(batch_size=_ROWS_AT_ONCE, columns=names, use_threads=False):
-                    table = of_arrow(pa.Table.from_batches([batch]), name)
-                    table.place = lambda row, first=first: f"row {first + row + 1}"  # type: ignore[misc]
-                    yield noting_suffix(table, path, ".parquet", "Parquet")
-                    first += batch.num_rows
+                for group in range(file.num_row_groups):  # one iterator over all would keep what each has used
+                    for batch in file.iter_batches(_ROWS_AT_ONCE, row_groups=[group], columns=names, use_threads=False):
+                        table = of_arrow(pa.Table.from_batches([batch]), name)
+                        table.place = lambda row, first=first: f"row {first + row + 1}"  # type: ignore[misc]
+                        yield noting_suffix(table, path, ".parquet", "Parquet")
+                        first += batch.num_rows
         except (pa.ArrowException, OSError, ValueError) as error:
             raise UnsoundError(str(error)) from None
 

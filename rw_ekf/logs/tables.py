@@ -79,7 +79,10 @@ class _Sheet:
         else:
             from pyarrow import parquet
 
-            self._parquet = self._parquet or parquet.ParquetWriter(self._stream, self._schema, write_page_checksum=True)
+            # A dictionary of measured numbers is as long as they are: it would take twice the time and more room.
+            self._parquet = self._parquet or parquet.ParquetWriter(
+                self._stream, self._schema, use_dictionary=_texts(self._schema), write_page_checksum=True
+            )
             self._parquet.write_table(table)
 
     def close(self) -> None:
@@ -89,6 +92,13 @@ class _Sheet:
             self._parquet.close()
         if self._held:
             _write_matlab(self._stream, pa.concat_tables(self._held))
+
+
+def _texts(schema: pa.Schema) -> list[str]:
+    """Columns of words, of which there are few."""
+    import pyarrow as pa
+
+    return [field.name for field in schema if pa.types.is_string(field.type)]
 
 
 def table_of(columns: Mapping[str, Any]) -> pa.Table:

@@ -10,6 +10,7 @@ import numpy as np
 from rw_ekf.logs.wheel_log import WheelLog
 
 _MOST_ROWS = 20_000  # ten to a pixel
+_ARRAYS = ("time_s", "speed_rad_s", "current_A", "command_delay_s", "segment")
 
 
 class ThinnedRows:
@@ -19,26 +20,21 @@ class ThinnedRows:
         """rows: about, of the whole log."""
         self._every = max(1, -(-rows // _MOST_ROWS))
         self._passed = 0
-        self._logs: list[WheelLog] = []
-        self._columns: list[dict[str, Any]] = []
+        self._log: WheelLog | None = None
+        self._kept: list[dict[str, Any]] = []
 
     def __call__(self, log: WheelLog, columns: dict[str, Any]) -> None:
         """Take the next rows of the log, and the columns (n,) that go with them."""
-        kept = slice(-self._passed % self._every, None, self._every)
+        chosen = slice(-self._passed % self._every, None, self._every)
         self._passed += len(log)
-        thin = log.rows(kept)
-        self._logs.append(replace(thin, channels={}, other={}))
-        self._columns.append({name: np.array(values[kept]) for name, values in columns.items()})
+        self._log = self._log or replace(log.rows(slice(0)), channels={}, other={})
+        own = {f"log.{name}": getattr(log, name) for name in _ARRAYS}
+        self._kept.append({name: np.array(values[chosen]) for name, values in {**own, **columns}.items()})
 
     def taken(self) -> tuple[WheelLog, dict[str, Any]]:
-        """The rows that were kept, without channels, and their columns."""
-        logs = self._logs
-        log = replace(
-            logs[0],
-            time_s=np.concatenate([log.time_s for log in logs]),
-            speed_rad_s=np.concatenate([log.speed_rad_s for log in logs]),
-            current_A=np.concatenate([log.current_A for log in logs]),
-            command_delay_s=np.concatenate([log.command_delay_s for log in logs]),
-            segment=np.concatenate([log.segment for log in logs]),
-        )
-        return log, {name: np.concatenate([part[name] for part in self._columns]) for name in self._columns[0]}
+        """The rows that were kept, without channels, and their columns. Raises ValueError where there were none."""
+        if self._log is None:
+            raise ValueError("no rows were taken")
+        kept = {name: np.concatenate([part[name] for part in self._kept]) for name in self._kept[0]}
+        own: dict[str, Any] = {name: kept.pop(f"log.{name}") for name in _ARRAYS}
+        return replace(self._log, **own), kept
