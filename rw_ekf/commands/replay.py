@@ -155,7 +155,8 @@ class _Work:
                 log = self._read(path, setup, in_parts=in_parts)
                 if log is None:
                     continue
-                make_ready(needed)
+                if not done:  # not before the first log is known to be one
+                    make_ready(needed)
                 with progress("replay", len(log), " samples") as bar, self._timed("filter"):
                     done.append(self._filtered(log, setup, write, bar.update))
         return done
