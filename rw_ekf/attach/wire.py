@@ -108,9 +108,10 @@ def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> I
 def checked_protocol(configuration: Configuration) -> WheelProtocol:
     """Wire protocol of a configuration; raises ConfigError where it cannot carry what the configuration asks for."""
     protocol = spoken_by(configuration)
-    found = beyond_wire(configuration, protocol.limits)
+    found = [text for _, text in beyond_wire(configuration, protocol.limits)]
+    found = found or [text for _, _, text in beyond_rate([configuration], [protocol])]
     if found:
-        raise ConfigError([text for _, text in found])
+        raise ConfigError(found)
     return protocol
 
 
@@ -167,9 +168,14 @@ def beyond_line(
 def beyond_rate(
     configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol]
 ) -> list[tuple[int, tuple[str, ...], str]]:
-    """A rate at which the turns of all wheels of a line do not fit into a period, as `beyond_line` has it."""
+    """A rate at which the turns of all wheels of a line do not fit into a period, as `beyond_line` has it.
+
+    Of one wheel alone only where its port is a serial device: a pseudo-terminal is as fast as it is asked.
+    """
     from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
 
+    if len(configurations) == 1 and not _is_serial_device(configurations[0].wheel.port):
+        return []
     took_s = sum(
         protocol.turn_s(configuration.wheel.baud, writes=configuration.command.writes)
         for configuration, protocol in zip(configurations, protocols, strict=True)
@@ -178,6 +184,12 @@ def beyond_rate(
     rate_hz = configurations[0].loop.rate_hz
     if took_s * rate_hz <= 1.0:
         return []
-    text = f"loop.rate_hz is {rate_hz:g}, but the bytes of a turn of each of {len(configurations)} wheels take the line"
+    turns = "a turn take" if len(configurations) == 1 else f"a turn of each of {len(configurations)} wheels take"
     most_hz = math.floor(100.0 / took_s) / 100.0
-    return [(0, ("loop", "rate_hz"), f"{text} {1e3 * took_s:.3g} ms: give at most {most_hz:g}, or a faster line.")]
+    text = f"loop.rate_hz is {rate_hz:g}, but the bytes of {turns} the line {1e3 * took_s:.3g} ms"
+    return [(0, ("loop", "rate_hz"), f"{text}: give at most {most_hz:g}, or a faster line.")]
+
+
+def _is_serial_device(port: str) -> bool:
+    """Whether a port's name is that of a line with a baud rate of its own."""
+    return port.upper().startswith("COM") or (port.startswith("/dev/") and not port.startswith("/dev/pts/"))

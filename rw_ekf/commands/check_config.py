@@ -97,12 +97,11 @@ def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
 
 
 def _together(wheels: list[tuple[YamlDocument, Configuration]]) -> list[str]:
-    """What keeps several wheels from sharing their line, at this rate."""
+    """What keeps wheels from sharing their line, and what a line is too slow for."""
     from rw_ekf.attach.wire import beyond_line, beyond_rate, spoken_by
 
-    if len(wheels) == 1:
-        return []
     configurations = [configuration for _, configuration in wheels]
     protocols = [spoken_by(configuration) for configuration in configurations]
-    found = beyond_line(configurations, protocols) or beyond_rate(configurations, protocols)
+    alone = len(wheels) == 1
+    found = ([] if alone else beyond_line(configurations, protocols)) or beyond_rate(configurations, protocols)
     return [f"{wheels[index][0].where(keys)}: {text}" for index, keys, text in found]

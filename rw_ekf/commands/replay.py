@@ -149,7 +149,7 @@ class _Work:
         with_effects = any(start is not None and start.effects.size > 0 for start in starts)
         with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if self.args.smooth else ()))
         needed = (*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT
-        done = []
+        done: list[Run] = []
         with self._writer() as write:
             for (path, _), setup in zip(self.named, setups, strict=True):
                 log = self._read(path, setup, in_parts=in_parts)

@@ -268,3 +268,29 @@ def test_a_limit_beyond_the_range_of_a_line_is_refused(
     config = write_config(tmp_path, "nowhere", wheel={"protocol": "ascii-wheel"}, limits={"current_A": limit_A})
     assert main(["check-config", str(config)]) == status
     assert ("from -3 to 3 A" in capsys.readouterr().err) == (status == 2)
+
+
+def test_a_line_that_is_too_slow_for_the_rate_says_which_it_can(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The bytes of a turn at the line's baud rate, ten bits each, must fit into a period; the rate told does."""
+    config = tmp_path / "fast.yaml"
+
+    def write(rate_hz: float, baud: int, port: str = "/dev/ttyUSB0") -> None:
+        config.write_text(
+            f"wheel: {{port: {port}, baud: {baud}}}\nlimits: {{current_A: 0.5}}\n"
+            f"loop: {{rate_hz: {rate_hz}, reply_timeout_ms: 4}}\ncommand: {{profile: none}}\n",
+            encoding="utf-8",
+        )
+
+    write(100.0, 9600)
+    told = findings(capsys, config)
+    assert f"{config}:3:17: loop.rate_hz is 100, but the bytes of a turn take the line " in told
+    able = float(told.split("give at most ")[1].split(",")[0])
+    assert 5.0 < able < 100.0
+    for rate_hz, baud, port in ((able, 9600, "/dev/ttyUSB0"), (100.0, 921600, "/dev/ttyUSB0"), (100.0, 9600, "/tmp/w")):
+        write(rate_hz, baud, port)
+        assert main(["check-config", str(config)]) == 0
+        capsys.readouterr()
+    write(able * 1.01, 9600)
+    assert "give at most" in findings(capsys, config)
