@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 
 import pytest
@@ -11,10 +12,24 @@ from rw_ekf.one_thread import ask_for_one_thread
 
 ask_for_one_thread()  # before numpy is loaded
 
+_WAITING = 2  # processes beyond the cores
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """--refresh-golden: write the golden numbers anew; in a commit of its own that says why."""
     parser.addoption("--refresh-golden", action="store_true", help="write tests/golden/ anew instead of comparing")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int | None:
+    """What `-n auto` means here: more processes than cores, for half of the tests wait for a daemon's time to pass.
+
+    Two more were enough to keep two cores busy; a process takes up to a gigabyte, so that many cores get no more.
+    """
+    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None  # as pytest-xdist reads it
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores + _WAITING
 
 
 def pytest_configure(config: pytest.Config) -> None:

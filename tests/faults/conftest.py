@@ -11,7 +11,7 @@ from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from tests.faults.rig import FAMILY
-from tests.live.bench import FAMILIES, Bench, protocol_named, served_wheel, wire_map_of
+from tests.live.bench import FAMILIES, Bench, protocol_named, served_wheel, virtual_wheel, wire_map_of
 
 
 @pytest.fixture
@@ -43,3 +43,18 @@ def wheel(bench: Bench, family: str) -> Iterator[SerialWheel]:
     assert isinstance(opened, SerialWheel)
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def timed(tmp_path: Path, family: str) -> Bench:
+    """A wheel on a virtual clock: only a fault makes a reply late."""
+    return virtual_wheel(tmp_path, protocol=family)
+
+
+@pytest.fixture
+def timed_wheel(timed: Bench, family: str) -> SerialWheel:
+    """The real driver there."""
+    assert timed.cable is not None
+    opened = timed.cable.carrying(protocol_named(family)).open_wheel(timed.port, timed.cable.clock, 0.15)
+    assert isinstance(opened, SerialWheel)
+    return opened

@@ -24,12 +24,10 @@ MEGABYTE = 1_000_000
 def samples_of(bench: Bench, wheel: SerialWheel, times: int) -> list[WheelSample | None]:
     """So many readings, each asked for after the one before; none is older than its request, or than is fresh."""
     samples = []
-    server = bench._server
-    assert server is not None
     older_s = 0.040 if is_unasked(wheel) else 0.002
     for _ in range(times):
         # One that sends by itself is asked nothing: what it told last is the newest that can be on its way.
-        now_s = bench.registers.plant.time_s if is_unasked(wheel) else server.wheel_time_s()
+        now_s = bench.registers.plant.time_s if is_unasked(wheel) else bench.wheel_time_s()
         asked_s = now_s + 100.0  # the bench's wheels have been up for so long
         samples.append(wheel.read(1.0))
         if samples[-1] is not None and wheel._uptime_field is not None:  # else its time is that of the request
@@ -74,14 +72,16 @@ def test_a_frame_that_does_not_end_in_time_is_dropped(bench: Bench, wire_map: Wi
 
 
 @pytest.mark.parametrize("text", ["flip", "flip:1:3", "cut/from:9", "insert:1:30", "flood:2000", "flip/to,insert/from"])
-def test_noise_is_rejected_and_the_line_is_in_step_again_at_once(bench: Bench, wheel: SerialWheel, text: str) -> None:
+def test_noise_is_rejected_and_the_line_is_in_step_again_at_once(
+    timed: Bench, timed_wheel: SerialWheel, text: str
+) -> None:
     """Row 8: wrong bits, torn frames, junk around and between frames: no wrong value; all is well soon after."""
-    bench.fault(text)
-    for sample in samples_of(bench, wheel, 15):
+    timed.fault(text)
+    for sample in samples_of(timed, timed_wheel, 15):
         assert sample is None or sample.speed_rad_s == pytest.approx(20.0, abs=1.5)
     if "insert:" not in text and "flood" not in text:
-        assert wheel.link.damaged + wheel.link.timeouts > 0
-    assert recovers(bench, wheel)
+        assert timed_wheel.link.damaged + timed_wheel.link.timeouts > 0
+    assert recovers(timed, timed_wheel)
 
 
 def test_a_megabyte_without_an_end_is_bounded(bench: Bench, wire_map: WireMap) -> None:
@@ -105,15 +105,15 @@ def test_a_megabyte_without_an_end_is_bounded(bench: Bench, wire_map: WireMap) -
     wheel.close()
 
 
-def test_late_replies_are_dropped(bench: Bench, wheel: SerialWheel) -> None:
+def test_late_replies_are_dropped(timed: Bench, timed_wheel: SerialWheel) -> None:
     """Row 10: 15 % come after their deadline: none answers another request, no reading comes twice."""
-    bench.fault("delay/from:200ms:15%")
-    samples = [sample for sample in samples_of(bench, wheel, 60) if sample is not None]
+    timed.fault("delay/from:200ms:15%")
+    samples = [sample for sample in samples_of(timed, timed_wheel, 60) if sample is not None]
     times = [sample.time_s for sample in samples]
     assert len(set(times)) == len(times) >= 30
     assert times == sorted(times)
-    assert wheel.link.stale > 0
-    assert recovers(bench, wheel)
+    assert timed_wheel.link.stale > 0
+    assert recovers(timed, timed_wheel)
 
 
 def test_a_reply_that_comes_twice_counts_once(bench: Bench, wheel: SerialWheel) -> None:
@@ -158,7 +158,6 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
     assert recovers(bench, wheel)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bad", "counter"),
     [
@@ -168,18 +167,18 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
         ("cut/from:5:1/3", "timeouts"),
     ],
 )
-def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, bad: str, counter: str) -> None:
+def test_bad_replies_are_counted_dropped_and_survived(timed: Bench, bad: str, counter: str) -> None:
     """Row 8, 10, 13: every third reply to the daemon is bad: nothing wrong reaches the filter or the wheel."""
-    if bench.protocol == "odrive-ascii-wheel":
+    if timed.protocol == "odrive-ascii-wheel":
         pytest.skip("a daemon needs other limits for torques")
-    if "seq" in bad and bench.protocol == "ascii-wheel":
+    if "seq" in bad and timed.protocol == "ascii-wheel":
         pytest.skip("a line of text has no seq")
-    ran = run(bench, 2.0, *fault(bench, 0.4, 1.4, bad))
-    if bench.protocol == "can-wheel" and counter == "timeouts":
+    ran = run(timed, 2.0, *fault(timed, 0.4, 1.4, bad))
+    if timed.protocol == "can-wheel" and counter == "timeouts":
         counter = "damaged"  # the next cycle is as good
     assert getattr(ran.outcome.link, counter) >= 3
     assert ran.outcome.statistics.rejected == 0
     assert ran.outcome.zero_confirmed
     assert not ran.outcome.lost
-    assert bench.registers.command_A == 0.0
+    assert timed.registers.command_A == 0.0
     assert error_rpm(ran) < 5.0  # a flipped bit is hundreds

@@ -105,15 +105,15 @@ def test_a_map_without_mode_and_reset_says_that_zero_is_refused(tmp_path: Path) 
 
 
 @EACH_FAMILY
-def test_the_daemon_says_how_it_stopped_a_wheel_that_refuses_zero(bench: Bench) -> None:
+def test_the_daemon_says_how_it_stopped_a_wheel_that_refuses_zero(timed: Bench) -> None:
     """Row 14: refused in mid-run: zero by mode idle, an event and a finding; then the profile goes on."""
-    ran = run(bench, 2.6, *fault(bench, 0.8, 1.6, "nack/current_command"))
+    ran = run(timed, 2.6, *fault(timed, 0.8, 1.6, "nack/current_command"))
     assert ZERO_BY_MODE in ran.notes.events
     assert any("its mode was set to idle instead" in text for text in ran.outcome.findings)
     refusals = {"refused_in_this_mode", "not_taken"}  # by a status, or by telemetry that says so
     assert [c for e, c in ran.notes.said if e == "command_changed" and c.get("reason") in refusals]
     assert ran.outcome.zero_confirmed
-    assert any(abs(a) > 0.01 for a in bench.recorder.writes_A()[-6:-1])
+    assert any(abs(a) > 0.01 for a in timed.recorder.writes_A()[-6:-1])
     assert ran.outcome.statistics.rejected <= 2
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -22,7 +21,7 @@ from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
 from tests.faults.rig import is_unasked, let_pass
 from tests.injecting import put_faults
-from tests.live.bench import FAMILIES, Bench, served_wheel, wait_for
+from tests.live.bench import FAMILIES, Bench, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
 
@@ -81,13 +80,12 @@ def test_a_float_tells_the_command_to_its_last_digits(line: tuple[SerialWheel, R
 
 @pytest.mark.parametrize(("name", "number"), [("speed", math.inf), ("uptime", math.nan), ("current", 3.0e38)])
 def test_the_daemon_goes_on(
-    float_map: WireMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: float
+    float_map: WireMap, timed: Bench, monkeypatch: pytest.MonkeyPatch, name: str, number: float
 ) -> None:
     """Row 18: in mid-run: every other sample is there, counted, logged, and the log reads."""
     monkeypatch.setattr("tests.live.daemon.checked_protocol", lambda configuration: RegisterProtocol(float_map))
-    with served_wheel(tmp_path) as bench:
-        bench.registers.wire_map = float_map
-        ran = run(bench, 2.0, *fault(bench, 0.75, 0.95, f"value/cycle:{name}={number!r}"))
+    timed.registers.wire_map = float_map
+    ran = run(timed, 2.0, *fault(timed, 0.75, 0.95, f"value/cycle:{name}={number!r}"))
     assert ran.outcome.link.damaged >= 1
     assert ran.outcome.statistics.missing >= ran.outcome.link.damaged
     assert math.isfinite(ran.outcome.belief.mean[0])

@@ -39,6 +39,11 @@ from tests.live.daemon import Notes
 NAMES = ("rw-x", "rw-y", "rw-z", "rw-skew")
 FAMILIES = ("nsp-wheel", "sunspace-wheel")  # those whose frames bear an address
 PERIOD_S, TIMEOUT_S = 0.1, 0.025
+# In the computer's own time, where a busy machine answers late: a reply has longer, and so has a silence.
+PATIENT: dict[str, dict[str, Any]] = {
+    "loop": {"rate_hz": 5.0, "reply_timeout_ms": 45.0},
+    "limits": {"silence_s": 2.0},
+}
 
 
 @dataclass
@@ -171,7 +176,8 @@ def run_bus(
 @contextmanager
 def served_bus(directory: Path, family: str = FAMILIES[0], faults: str = "echo", **changes: Any) -> Iterator[BusBench]:
     """Four wheels behind one pty, served by a thread for the length of a with block."""
-    bench = make_bus(directory, str(directory / "bus"), family, faults, **changes)
+    sections = {name: PATIENT.get(name, {}) | changes.get(name, {}) for name in {*PATIENT, *changes}}
+    bench = make_bus(directory, str(directory / "bus"), family, faults, **sections)
     stop = threading.Event()
     server = PtyServer(bench.line, directory / "bus")
     thread = threading.Thread(target=server.run, args=(stop.is_set,), daemon=True)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from rw_ekf.attach.wire import checked_protocol
-from rw_ekf.clock import SystemClock
+from rw_ekf.clock import SystemClock, VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome
@@ -69,18 +71,31 @@ def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = N
     configuration = load_configuration(bench.config(**changes))
     given = GivenModel(read_wheel_model(None, configuration), configuration.filter.model)
     notes = notes if notes is not None else Notes()
+    protocol = checked_protocol(configuration)
+    with StopSignal() as stop:
+        if bench.cable is not None:
+            clock = bench.cable.clock
+            assert isinstance(clock, VirtualClock)
+            for at_s, action in events:
+                clock.at(clock.monotonic() + at_s, action)
+            assert isinstance(protocol, RegisterProtocol)
+            carried = bench.cable.carrying(protocol)
+            return Ran(run_daemon(configuration, carried, given, duration_s, notes, stop, clock), notes)
+        with _happening(bench, events):
+            outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, SystemClock())
+    return Ran(outcome, notes)
+
+
+@contextmanager
+def _happening(bench: Bench, events: tuple[Event, ...]) -> Iterator[None]:
     over = threading.Event()
     thread = threading.Thread(target=_happen, args=(bench, events, over), daemon=True)
-    with StopSignal() as stop:
-        thread.start()
-        try:
-            outcome = run_daemon(
-                configuration, checked_protocol(configuration), given, duration_s, notes, stop, SystemClock()
-            )
-        finally:
-            over.set()
-            thread.join(10.0)
-    return Ran(outcome, notes)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(10.0)
 
 
 def _happen(bench: Bench, events: tuple[Event, ...], over: threading.Event) -> None:

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, program, served_wheel, wait_for
+from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, program, served_wheel, virtual_wheel, wait_for
 from tests.live.daemon import Ran, resume, run
 from tests.live.test_line_faults import fault
 
@@ -28,6 +28,12 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         yield made
 
 
+@pytest.fixture
+def timed(tmp_path: Path) -> Bench:
+    """A wheel on a virtual clock, for what says how many turns something takes."""
+    return virtual_wheel(tmp_path, initial_speed_rad_s=2.0)
+
+
 def times_of(ran: Ran, event: str) -> int:
     return ran.notes.events.count(event)
 
@@ -36,11 +42,11 @@ def told(ran: Ran, words: str) -> bool:
     return any(words in text for text in ran.outcome.findings)
 
 
-def test_one_reply_repeated_is_silence(bench: Bench) -> None:
+def test_one_reply_repeated_is_silence(timed: Bench) -> None:
     """Its time stands still: zero within the silence, said, the log without those speeds, the run ends in time."""
-    ran = run(bench, 3.0, *fault(bench, 1.0, 60.0, "repeat/cycle"), command=STEADY, limits={"speed_rpm": 100.0})
-    assert bench.registers.command_A == 0.0
-    assert bench.registers.plant.speed_rad_s < 2.0 + 15.205 * 0.25 * 2.0
+    ran = run(timed, 3.0, *fault(timed, 1.0, 60.0, "repeat/cycle"), command=STEADY, limits={"speed_rpm": 100.0})
+    assert timed.registers.command_A == 0.0
+    assert timed.registers.plant.speed_rad_s < 2.0 + 15.205 * 0.25 * 2.0
     assert times_of(ran, "silence") == 1
     assert told(ran, "repeated one reply")
     assert ran.outcome.lost
@@ -48,12 +54,12 @@ def test_one_reply_repeated_is_silence(bench: Bench) -> None:
     assert ran.outcome.timing.ticks <= 33
 
 
-def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
+def test_a_frozen_speed_is_not_driven_by(timed: Bench) -> None:
     """The clock runs on: STUCK is said, zero is written, and stays until the speed moves and a person says resume."""
     ran = run(
-        bench,
+        timed,
         7.0,
-        *fault(bench, 1.2, 3.0, "freeze/cycle:speed"),
+        *fault(timed, 1.2, 3.0, "freeze/cycle:speed"),
         (5.0, resume),
         command={"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0},
     )
@@ -64,14 +70,14 @@ def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
     blind = np.isnan(log.speed_rad_s)
     assert 5 <= int(blind.sum()) <= 35
     runs = np.split(np.flatnonzero(blind), np.flatnonzero(np.diff(np.flatnonzero(blind)) > 1) + 1)
-    frozen = max(runs, key=len)  # a busy machine misses a reading now and then besides
+    frozen = max(runs, key=len)
     after = frozen[-1] + 1
     assert np.all(log.current_A[frozen[6:]] == 0.0)
     assert np.all(log.current_A[after : after + 5] == 0.0)
     assert np.any(log.current_A[after:] != 0.0)
     assert ran.notes.states == ["TRACKING", "DEGRADED", "SAFE", "CONNECTING", "TRACKING"]
     assert ran.outcome.statistics.rejected <= 4  # repeats that the gate refused before they were several steps off
-    assert bench.registers.command_A == 0.0
+    assert timed.registers.command_A == 0.0
 
 
 def states_of(bench: Bench) -> list[str]:
@@ -138,13 +144,12 @@ def test_a_wrong_sign_in_the_wire_map_is_not_driven_on(bench: Bench, field: str)
     assert all(value == 0.0 for value in bench.recorder.writes_A()[-20:])
 
 
-@pytest.mark.slow
-def test_a_scale_ten_times_off_is_a_finding(bench: Bench) -> None:
+def test_a_scale_ten_times_off_is_a_finding(timed: Bench) -> None:
     """The run goes to its end, and says that the gain is ten times what is expected and where to look."""
     ran = run(
-        bench,
+        timed,
         6.0,
-        wheel={"port": bench.port, "protocol": wrong_map(bench.directory, "speed", 10.0)},
+        wheel={"port": timed.port, "protocol": wrong_map(timed.directory, "speed", 10.0)},
         limits={"speed_rpm": 4200.0},
         command={"profile": "sine", "amplitude_A": 0.2, "period_s": 3.0, "bias_A": 0.0},
     )
@@ -154,13 +159,13 @@ def test_a_scale_ten_times_off_is_a_finding(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("jump_s", [3600.0, -50.0])
-def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(bench: Bench, jump_s: float) -> None:
+def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(timed: Bench, jump_s: float) -> None:
     """The duration is the host's, delays are as before, no reading is rejected, and the jump is said."""
 
     def jump() -> None:
-        bench.registers._uptime_zero_s -= jump_s
+        timed.registers._uptime_zero_s -= jump_s
 
-    ran = run(bench, 2.5, (1.0, jump))
+    ran = run(timed, 2.5, (1.0, jump))
     assert ran.outcome.timing.ticks <= 28
     assert 1.5 < ran.outcome.statistics.duration_s < 2.8
     assert times_of(ran, "clock_jumped") == 1
@@ -170,11 +175,11 @@ def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(bench: Bench, jump
     assert ran.outcome.statistics.rejected == 0
 
 
-def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Bench) -> None:
+def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(timed: Bench) -> None:
     """Zeros taken at once and confirmed a second later: the interval is unknown, a new segment, nothing rejected."""
     taken = {"profile": "steps", "amplitude_A": 0.4, "period_s": 60.0, "bias_A": 0.0}
-    deaf = [(at_s, partial(bench.fault, text)) for at_s, text in ((1.0, "silence"), (2.2, "silence/cycle"), (2.6, ""))]
-    ran = run(bench, 3.8, *deaf, command=taken)
+    deaf = [(at_s, partial(timed.fault, text)) for at_s, text in ((1.0, "silence"), (2.2, "silence/cycle"), (2.6, ""))]
+    ran = run(timed, 3.8, *deaf, command=taken)
     assert ran.outcome.statistics.rejected == 0
     assert ran.log.segment.max() == 1
     last = np.flatnonzero(np.isnan(ran.log.speed_rad_s))[-1]
@@ -183,9 +188,9 @@ def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Ben
 
 
 @pytest.mark.parametrize(("bit", "event"), [(1, "wheel_fault"), (4, "wheel_over_temperature")])
-def test_a_flag_of_the_status_register_is_said_and_holds_zero(bench: Bench, bit: int, event: str) -> None:
+def test_a_flag_of_the_status_register_is_said_and_holds_zero(timed: Bench, bit: int, event: str) -> None:
     """Zero while the flag is up, an event and a finding; then the profile goes on, after heat when a person says so."""
-    ran = run(bench, 4.4, *fault(bench, 0.8, 2.2, f"flag:{bit}"), (3.2, resume))
+    ran = run(timed, 4.4, *fault(timed, 0.8, 2.2, f"flag:{bit}"), (3.2, resume))
     assert times_of(ran, event) == 1
     assert times_of(ran, f"{event}_over") == 1
     assert told(ran, "status register")
@@ -197,18 +202,18 @@ def test_a_flag_of_the_status_register_is_said_and_holds_zero(bench: Bench, bit:
     assert ran.notes.states == ["TRACKING", *latched, "TRACKING"]
 
 
-def test_a_wheel_that_restarts_is_set_up_anew(bench: Bench) -> None:
+def test_a_wheel_that_restarts_is_set_up_anew(timed: Bench) -> None:
     """The restart is said, and the first write after it is zero: the way up begins there."""
     at: list[int] = []
 
     def restart() -> None:
-        at.append(len(bench.recorder.writes_A()))
-        bench.registers.restart()
+        at.append(len(timed.recorder.writes_A()))
+        timed.registers.restart()
 
-    ran = run(bench, 2.2, (1.1, restart), command=STEADY)
+    ran = run(timed, 2.2, (1.1, restart), command=STEADY)
     assert times_of(ran, "wheel_restarted") == 1
-    assert 0.0 in bench.recorder.writes_A()[at[0] : at[0] + 2]
-    assert any(abs(value) > 0.01 for value in bench.recorder.writes_A()[at[0] + 2 : -1])
+    assert 0.0 in timed.recorder.writes_A()[at[0] : at[0] + 2]
+    assert any(abs(value) > 0.01 for value in timed.recorder.writes_A()[at[0] + 2 : -1])
 
 
 def test_another_wheel_after_a_replug_is_not_driven(bench: Bench) -> None:

@@ -49,10 +49,14 @@ def test_one_dead_from_the_start_and_one_that_dies_come_back_while_the_others_ar
             wait_for(lambda: is_driven(bench, "rw-z") and states(bench)["rw-y"] == "LOST", LONG_S)
             put(bench, "rw-y", "")
             wait_for(lambda: is_driven(bench, "rw-y"), LONG_S)
-            wait_for(lambda: set(states(bench).values()) == {"TRACKING"}, LONG_S)
-            told = document_of(rw_ekf("status", "--config", config, "--json").stdout)
-            assert [(wheel["wheel"], wheel["state"]) for wheel in told["wheels"]] == [(n, "TRACKING") for n in NAMES]
-            assert all(wheel["link"]["echoes_lost"] <= wheel["link"]["timeouts"] for wheel in told["wheels"])
+            told: list[dict[str, Any]] = []
+
+            def all_track() -> bool:
+                told[:] = document_of(rw_ekf("status", "--config", config, "--json").stdout)["wheels"]
+                return [(wheel["wheel"], wheel["state"]) for wheel in told] == [(n, "TRACKING") for n in NAMES]
+
+            wait_for(all_track, LONG_S)
+            assert all(wheel["link"]["echoes_lost"] <= wheel["link"]["timeouts"] for wheel in told)
             seen = rw_ekf("watch", "--config", config, "--once").stdout
             assert all(f"{name} on" in seen for name in NAMES)
             run.send_signal(signal.SIGTERM)

@@ -40,7 +40,7 @@ def test_a_signal_ends_the_run_in_order(bench: Bench, name: str) -> None:
         daemon.send_signal(getattr(signal, name))
         wait_for(lambda: bench.registers.command_A == 0.0)
         daemon.send_signal(getattr(signal, name))
-        out, errors = daemon.communicate(timeout=20)
+        out, errors = daemon.communicate(timeout=60.0)
     assert daemon.returncode == 0, errors
     assert run_document(out)["stopped_by"] == name
     assert "Traceback" not in errors
@@ -73,7 +73,7 @@ def test_losing_standard_error_does_not_end_the_run(bench: Bench) -> None:
         daemon.stderr = None
         bench.unplug()  # something to complain about
         bench.plug()
-        out, _ = daemon.communicate(timeout=20)
+        out, _ = daemon.communicate(timeout=60.0)
     assert daemon.returncode == 0
     assert run_document(out)["link"]["reconnects"] == 1
     assert bench.registers.command_A == 0.0
@@ -85,7 +85,7 @@ def test_a_run_started_without_its_streams_works(bench: Bench, closed: str) -> N
     """Started with standard error, or both outputs, closed: exit status 0 and a log as always."""
     command = f"exec {shlex.join(PROGRAM)} run --config {bench.config()} --duration 0.5 {closed}"
     with shell(command) as daemon:
-        daemon.communicate(timeout=20)
+        daemon.communicate(timeout=60.0)
     assert daemon.returncode == 0
     assert len(bench.logs()) == 1
     assert bench.registers.command_A == 0.0
@@ -99,7 +99,7 @@ def test_a_reader_that_goes_away_does_not_fail_the_run(bench: Bench) -> None:
         assert daemon.stdout is not None
         daemon.stdout.close()
         daemon.stdout = None
-        _, errors = daemon.communicate(timeout=20)
+        _, errors = daemon.communicate(timeout=60.0)
     assert daemon.returncode == 0
     assert "Traceback" not in errors
     assert "report_lost" in errors
@@ -112,7 +112,7 @@ def test_stop_from_outside_ends_the_daemon_and_confirms_zero(bench: Bench) -> No
     with program("run", "--config", config, "--json") as daemon:
         wait_for(driven(bench))
         done = rw_ekf("stop", "--config", config)
-        out, _ = daemon.communicate(timeout=20)
+        out, _ = daemon.communicate(timeout=60.0)
     assert (done.returncode, daemon.returncode) == (0, 0)
     assert f"daemon {daemon.pid} ended" in done.stdout
     assert "zero current confirmed" in done.stdout
@@ -128,7 +128,7 @@ def test_stop_finds_a_daemon_that_was_started_in_another_environment(bench: Benc
     with program("run", "--config", config, env=elsewhere) as daemon:
         wait_for(driven(bench))
         done = rw_ekf("stop", "--config", config)
-        daemon.communicate(timeout=20)
+        daemon.communicate(timeout=60.0)
     assert (done.returncode, daemon.returncode) == (0, 0)
     assert f"daemon {daemon.pid} ended" in done.stdout
 
@@ -141,7 +141,7 @@ def test_a_second_daemon_on_one_port_is_refused(bench: Bench) -> None:
         second = rw_ekf("run", "--config", config, "--duration", "1")
         assert daemon.poll() is None
         daemon.send_signal(signal.SIGTERM)
-        daemon.communicate(timeout=20)
+        daemon.communicate(timeout=60.0)
     assert (second.returncode, daemon.returncode) == (1, 0)
     assert second.stdout == ""
     assert second.stderr.count("\n") == 1
@@ -154,7 +154,7 @@ def test_a_link_lost_to_the_end_exits_1_with_the_document(bench: Bench) -> None:
     with program("run", "--config", str(bench.config()), "--duration", "1.5", "--json") as daemon:
         wait_for(driven(bench))
         bench.unplug()
-        out, errors = daemon.communicate(timeout=20)
+        out, errors = daemon.communicate(timeout=60.0)
     assert daemon.returncode == 1
     assert any("lost to the end" in text for text in run_document(out)["logs"][0]["warnings"])
     assert "Traceback" not in errors

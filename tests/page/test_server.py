@@ -43,7 +43,7 @@ class Served:
         headers = {"x-token": token} | ({"host": host} if host else {})
         request = urllib.request.Request(self.address + path, headers=headers, method=method)
         try:
-            with urllib.request.urlopen(request, timeout=20) as answer:
+            with urllib.request.urlopen(request, timeout=60) as answer:
                 body = answer.read()
                 kind = answer.headers["content-type"]
                 return answer.status, answer.headers, json.loads(body) if "json" in kind else body.decode()
@@ -157,7 +157,7 @@ def test_beyond_this_machine_nothing_is_told_without_the_token(run: RunOnDisk) -
 def test_new_rows_come_to_who_is_connected(served: Served, run: RunOnDisk) -> None:
     """Rows that are written after the connection come as they are, and the state with them."""
     request = urllib.request.Request(f"{served.address}/api/live")
-    with urllib.request.urlopen(request, timeout=20) as answer:
+    with urllib.request.urlopen(request, timeout=60) as answer:
         kinds: dict[str, Any] = {}
         written = False
         for line in answer:
@@ -246,7 +246,7 @@ def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) 
         assert view.stdout is not None
         address, _, token = view.stdout.readline().strip().partition("#")
         assert token.startswith("token=")
-        with urllib.request.urlopen(f"{address}api/runs", timeout=20) as answer:
+        with urllib.request.urlopen(f"{address}api/runs", timeout=60) as answer:
             assert json.loads(answer.read()) == {"runs": [run.name], "stop": False, "wheels": 1}
         view.terminate()
         view.wait(20)

@@ -63,7 +63,8 @@ def test_after_a_kill_every_tick_but_the_last_can_be_read(tmp_path: Path) -> Non
             found = messages(path)
             ticks = sent() - 1  # the first was zero, before the loop
             asked = sum(frame.id == CYCLE for _, frame in bench.recorder.requests)
-            assert ticks - 1 <= len(found[SAMPLE]) <= asked  # a tick without a reply commands nothing
+            assert ticks - 1 <= len(found[SAMPLE])  # a tick without a reply commands nothing
+            assert sum(row["speed_rad_s"] is not None for row in found[SAMPLE]) <= asked
             assert len(found[ESTIMATE]) == len(found[SAMPLE])
             assert [row["time_s"] for row in found[SAMPLE]] == [row["time_s"] for row in found[ESTIMATE]]
             assert found[EVENT][-1]["event"]["state"] == "TRACKING"
@@ -71,7 +72,7 @@ def test_after_a_kill_every_tick_but_the_last_can_be_read(tmp_path: Path) -> Non
             assert len(log) == len(found[SAMPLE])
             assert any("cut off" in warning for warning in log.warnings)
             (lines,) = bench.runs.glob("*.lp")
-            assert ticks - 1 <= len(read_log(lines)) <= asked
+            assert ticks - 1 <= len(read_log(lines)) <= len(log)
             known = read_log(bench.logs()[0])  # the CSV may be two ticks behind
             assert len(log) >= len(known)
             assert np.array_equal(log.speed_rad_s[: len(known)], known.speed_rad_s, equal_nan=True)

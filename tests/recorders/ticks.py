@@ -54,7 +54,7 @@ def turn(i: int, *alarms: ActiveAlarm, state: StateNow | None = TRACKING, speed_
     return Tick(sample, estimate, IssuedCommand(0.01 * i, 0.012), alarms, state=state)
 
 
-def until(condition: Callable[[], Any], within_s: float = 15.0) -> Any:
+def until(condition: Callable[[], Any], within_s: float = 60.0) -> Any:
     """Wait for something of another thread; what it came to."""
     end_s = time.monotonic() + within_s
     while not (found := condition()):
