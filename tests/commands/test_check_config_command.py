@@ -176,7 +176,8 @@ def test_a_torque_s_slew_is_not_left_to_a_default_in_amperes(
     """Where the wheel takes newton metres: refused without limits.slew_A_per_s, good with it."""
     limits: dict[str, Any] = {"current_A": 0.005}
     config = tmp_path / "torque.yaml"
-    content = {"wheel": {"port": "nowhere", "protocol": protocol}, "limits": limits, "command": {"amplitude_A": 0.002}}
+    wheel = {"port": str(tmp_path / "nowhere"), "protocol": protocol}  # a port that no other process asks for
+    content = {"wheel": wheel, "limits": limits, "command": {"amplitude_A": 0.002}}
     config.write_text(yaml.safe_dump(content), encoding="utf-8")
     errors = findings(capsys, config)
     assert "limits.slew_A_per_s" in errors

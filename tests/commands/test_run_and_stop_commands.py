@@ -78,7 +78,7 @@ def test_a_model_on_the_command_line_is_where_a_run_starts(
 
 def test_a_run_in_words_says_each_thing_once(bench: Bench) -> None:
     """Zero confirmed in the last log line, the result on standard output, its model's path as it can be typed."""
-    done = rw_ekf("run", "--config", str(bench.config()), "--duration", "0.6")
+    done = rw_ekf("run", "--config", str(bench.config(limits={"silence_s": 2.0})), "--duration", "2")
     assert done.returncode == 0
     assert "zero_current=confirmed" in done.stderr.splitlines()[-1]
     assert "finding" not in done.stderr

@@ -66,7 +66,7 @@ def test_fifty_times_out_and_in(bench: Bench, wheel: SerialWheel, wire_map: Wire
     for turn in range(50):
         if turn == 10:  # the simulator keeps the last few numbers taken
             before = open_descriptors()
-        assert wheel.read(1.0) is not None
+        wait_for(lambda wheel=wheel: wheel.read(1.0) is not None)  # type: ignore[misc]
         bench.fault("hangup")
         until_lost(wheel)
         wait_for(lambda: not path.is_symlink())
@@ -74,11 +74,11 @@ def test_fifty_times_out_and_in(bench: Bench, wheel: SerialWheel, wire_map: Wire
             open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, previous=wheel)
         bench.fault("")
         wheel = reopened(wheel, bench, wire_map)
-        assert wheel.command_current(0.0).acknowledged
+        wait_for(lambda wheel=wheel: wheel.command_current(0.0).acknowledged)  # type: ignore[misc]
         assert wheel.identity is None  # until the wheel says who it is
-        assert wheel.read(1.0) is not None
+        wait_for(lambda wheel=wheel: wheel.read(1.0) is not None)  # type: ignore[misc]
         wait_for(lambda wheel=wheel: wheel.identity is not None or not wheel.read(1.0))  # type: ignore[misc]
-    assert open_descriptors() == before
+    assert open_descriptors() <= before
     assert wheel.link.reconnects == 50
     wheel.close()
 
@@ -155,7 +155,7 @@ def test_every_call_of_a_port_may_fail(bench: Bench, wire_map: WireMap, error: B
         went_through = not port[0].raised
         port[0]._port.close()  # where close itself is what failed
         again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, previous=wheel)
-        assert again.read(1.0) is not None
+        wait_for(lambda again=again: again.read(1.0) is not None)  # type: ignore[misc]
         again.close()
-        assert open_descriptors() == before
+        assert open_descriptors() <= before  # what an earlier test has left may go meanwhile
     assert at_call > 20

@@ -60,10 +60,13 @@ def long_log(n: int, seed: int = 4) -> Columns:
 @needs_gcc
 @pytest.mark.parametrize(
     "samples",
-    [pytest.param(10_000, id="short"), pytest.param(200_000, id="long", marks=pytest.mark.slow)],
+    [pytest.param(10_000, id="short"), pytest.param(70_000, id="long", marks=pytest.mark.slow)],
 )
 def test_every_sample_has_the_bits_of_the_estimator(samples: int, tmp_path: Path) -> None:
-    """Outcome, trouble, all means and all covariances of every sample: not one bit differs."""
+    """Outcome, trouble, all means and all covariances of every sample: not one bit differs.
+
+    Every outcome is there, the rarest 35 times; a million samples are compared with the compiled pass below.
+    """
     log = long_log(samples)
     found = in_c(compiled(tmp_path, setup_for(_CONSTANTS, DEFAULT_PRIOR)), log)
     estimator = Estimator(_CONSTANTS, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
@@ -81,7 +84,7 @@ def test_every_sample_has_the_bits_of_the_estimator(samples: int, tmp_path: Path
         estimator.command_issued(IssuedCommand(float(log.current_A[i]), float(log.delay_s[i])))
     assert same == samples
     assert set(range(7)) <= set(found.outcome.tolist())
-    if samples > 90_000:
+    if samples > 60_000:  # it has a stretch of readings of another wheel
         assert set(found.trouble.tolist()) > {0}
 
 
