@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -27,6 +27,36 @@ USUAL = Draw(
 def rig(draw: Draw, directory: Path, clock: VirtualClock, stop: StopSignal) -> Rig:
     """A commissioning of a drawn wheel in this directory."""
     return rig_of(draw, directory, clock, options_of(draw, directory), stop)
+
+
+@dataclass
+class BrokenOff:
+    """A commissioning that signals ended again and again, and that came to its end; what was so behind each signal."""
+
+    out: Path
+    made: Rig
+    currents_A: list[float]  # in force, and written last
+    steps: list[set[str]]  # done
+
+
+@pytest.fixture(scope="module")
+def broken_off(tmp_path_factory: pytest.TempPathFactory) -> BrokenOff:
+    """Made once for the tests of it, which share a process."""
+    directory = tmp_path_factory.mktemp("broken-off")
+    lasts_s, currents_A, steps = 11.0, [], []
+    for _ in range(60):
+        clock = VirtualClock()
+        with StopSignal() as stop:
+            made = rig(USUAL, directory, clock, stop)
+            clock.at(lasts_s, lambda stop=stop: stop.request("SIGTERM"))  # type: ignore[misc]
+            try:
+                commission(made.work)
+                break
+            except Stopped:
+                lasts_s *= 1.3  # longer than any step, in the end
+            currents_A += [made.plant.current_A, made.watched.last_A]
+        steps.append({step for step in STEPS if Progress.of(directory / "out")[step] is not None})
+    return BrokenOff(directory / "out", made, currents_A, steps)
 
 
 @pytest.mark.slow
@@ -58,18 +88,16 @@ def test_a_wheel_on_a_can_bus_is_commissioned_through_a_mended_copy_of_its_dbc(
 
 
 @pytest.mark.slow
-def test_what_is_written_is_in_the_contract_and_can_be_run(tmp_path: Path) -> None:
+@pytest.mark.xdist_group("commissioning")
+def test_what_is_written_is_in_the_contract_and_can_be_run(broken_off: BrokenOff) -> None:
     """The document has the contract's keys, wheel.yaml loads with the mended map and the model, the page holds all."""
-    with StopSignal() as stop:
-        made = rig(USUAL, tmp_path, VirtualClock(), stop)
-        commission(made.work)
-    document = made.work.progress.document()
+    document = broken_off.made.work.progress.document()
     check_document(document)
     assert document["done"]
-    configuration = load_configuration(tmp_path / "out" / "wheel.yaml")
+    configuration = load_configuration(broken_off.out / "wheel.yaml")
     assert configuration.wheel.protocol == document["sign"]["protocol"]
     assert Path(configuration.filter.model or "").is_file()
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = (broken_off.out / "report.html").read_text(encoding="utf-8")
     assert "data:image/png" in page
     assert 'src="http' not in page
     assert document["model"]["verdict"]["name"] in page
@@ -105,26 +133,16 @@ def test_a_boot_loader_is_not_told_to_start_before_somebody_agreed(tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_a_signal_at_any_time_leaves_zero_and_the_next_call_goes_on(tmp_path: Path) -> None:
+@pytest.mark.xdist_group("commissioning")
+def test_a_signal_at_any_time_leaves_zero_and_the_next_call_goes_on(broken_off: BrokenOff) -> None:
     """Every 11 s of its time a signal: zero in force each time, nothing found is lost, and it comes to its end."""
-    lasts_s = 11.0
+    assert set(broken_off.currents_A) == {0.0}
     done: set[str] = set()
-    for _ in range(60):
-        clock = VirtualClock()
-        with StopSignal() as stop:
-            made = rig(USUAL, tmp_path, clock, stop)
-            clock.at(lasts_s, lambda stop=stop: stop.request("SIGTERM"))  # type: ignore[misc]
-            try:
-                commission(made.work)
-                break
-            except Stopped:
-                lasts_s *= 1.3  # longer than any step, in the end
-            assert made.plant.current_A == made.watched.last_A == 0.0
-        now = {step for step in STEPS if Progress.of(tmp_path / "out")[step] is not None}
+    for now in broken_off.steps:
         assert done <= now
         done = now
     assert {"find", "limits", "still", "sign", "delay"} <= done
-    assert made.work.progress["done"]
+    assert broken_off.made.work.progress["done"]
 
 
 @pytest.mark.parametrize("at_s", [60.0, 90.0])
