@@ -43,7 +43,8 @@ docs: $(INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --config-file tools/site/mkdocs.yml
 	@echo "build/site/index.html"
 
-# Lint runs beside the tests, and the tests in a process for each core; those marked xdist_group share one.
+# Lint runs beside the tests, and the tests in a few processes more than there are cores, for many wait (tests/conftest.py);
+# those marked xdist_group share one.
 check: $(INSTALLED)
 	@$(MAKE) --no-print-directory -j2 lint quick-tests
 

@@ -22,9 +22,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int | None:
-    """What `-n auto` means here: more processes than cores, for half of the tests wait for a daemon's time to pass.
+    """What `-n auto` means here: more processes than cores, for many tests wait for a daemon's time to pass.
 
-    Two more were enough to keep two cores busy; a process takes up to a gigabyte, so that many cores get no more.
+    With as many as cores, two cores had a load of .1 to 1.3 in the second half of the suite. A process takes half a
+    gigabyte, or one where it reads a million samples, so that a machine of many cores gets no more of them than that.
     """
     if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
         return None  # as pytest-xdist reads it

@@ -48,7 +48,8 @@ def test_without_limits_or_an_agreement_nothing_is_written_to_the_wheel(bench: B
 def test_a_signal_ends_it_with_zero_and_its_document(bench: Bench, tmp_path: Path, name: str) -> None:
     """While the wheel is watched at rest: status 0, only zero was ever written, what was found is in the document."""
     with program(*arguments(bench, tmp_path, "--yes", *LIMITS)) as running:
-        wait_for(lambda: bool(bench.recorder.writes_A()))
+        wait_for(lambda: bool(bench.recorder.writes_A()) or running.poll() is not None)
+        assert running.poll() is None, running.communicate()
         running.send_signal(getattr(signal, name))
         out, errors = running.communicate(timeout=30)
     assert running.returncode == 0, errors

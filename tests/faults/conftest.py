@@ -10,7 +10,7 @@ import pytest
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
-from tests.faults.rig import FAMILY
+from tests.faults.rig import FAMILY, open_timed
 from tests.live.bench import FAMILIES, Bench, protocol_named, served_wheel, virtual_wheel, wire_map_of
 
 
@@ -54,7 +54,4 @@ def timed(tmp_path: Path, family: str) -> Bench:
 @pytest.fixture
 def timed_wheel(timed: Bench, family: str) -> SerialWheel:
     """The real driver there."""
-    assert timed.cable is not None
-    opened = timed.cable.carrying(protocol_named(family)).open_wheel(timed.port, timed.cable.clock, 0.15)
-    assert isinstance(opened, SerialWheel)
-    return opened
+    return open_timed(timed, family, 0.15)

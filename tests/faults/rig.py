@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.clock import SystemClock, VirtualClock
+from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.can.can_link import CanLink
 from rw_ekf.drivers.line.framing import Frame
@@ -26,7 +26,7 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.injecting import put_faults
-from tests.live.bench import FAMILIES, protocol_named, spoken_by, write_config
+from tests.live.bench import FAMILIES, Bench, protocol_named, spoken_by, write_config
 from tests.live.daemon import Notes, Ran
 
 EACH_FAMILY = pytest.mark.parametrize("family", FAMILIES, indirect=True)  # `usefixtures` where it is not asked for
@@ -44,8 +44,16 @@ def is_unasked(wheel: SerialWheel) -> bool:
 def let_pass(wheel: SerialWheel) -> None:
     """Read off what was sent before the fault that is there now."""
     if is_unasked(wheel):
-        SystemClock().sleep(0.05)
+        wheel._line._clock.sleep(0.05)  # type: ignore[attr-defined]
         wheel.read(0.001)
+
+
+def open_timed(bench: Bench, family: str, reply_timeout_s: float) -> SerialWheel:
+    """The real driver of a wheel on a virtual clock."""
+    assert bench.cable is not None
+    opened = bench.cable.carrying(protocol_named(family)).open_wheel(bench.port, bench.cable.clock, reply_timeout_s)
+    assert isinstance(opened, SerialWheel)
+    return opened
 
 
 def port_of(wheel: SerialWheel) -> Any:

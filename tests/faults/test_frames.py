@@ -10,7 +10,7 @@ from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import WheelSample
 from tests.faults.ports import Babbling, opening
-from tests.faults.rig import EACH_FAMILY_ON_A_LINE, is_unasked, let_pass, port_of
+from tests.faults.rig import EACH_FAMILY_ON_A_LINE, is_unasked, let_pass, open_timed, port_of
 from tests.live.bench import Bench
 from tests.live.daemon import run
 from tests.live.test_line_faults import error_rpm, fault
@@ -42,28 +42,30 @@ def recovers(bench: Bench, wheel: SerialWheel) -> bool:
     return all(came[2:]) and wheel.command_current(0.0).acknowledged
 
 
-def test_a_frame_in_pieces_is_put_together(bench: Bench, wheel: SerialWheel) -> None:
+def test_a_frame_in_pieces_is_put_together(timed: Bench, timed_wheel: SerialWheel) -> None:
     """Row 7: byte by byte within the time of a reply, every sample comes."""
-    bench.fault("dribble:0.05ms" if is_unasked(wheel) else "dribble:1ms")  # before the next one comes
-    assert all(samples_of(bench, wheel, 5))
-    assert wheel.link.damaged == 0
-    assert recovers(bench, wheel)
+    timed.fault("dribble:0.05ms" if is_unasked(timed_wheel) else "dribble:1ms")  # before the next one comes
+    assert all(samples_of(timed, timed_wheel, 5))
+    assert timed_wheel.link.damaged == 0
+    assert recovers(timed, timed_wheel)
 
 
-def test_a_frame_that_does_not_end_in_time_is_dropped(bench: Bench, wire_map: WireMap) -> None:
+def test_a_frame_that_does_not_end_in_time_is_dropped(timed: Bench, family: str) -> None:
     """Row 7: one byte every 5 ms is slower than a reply may be: no sample; its beginning is dropped and counted."""
-    wheel = open_serial_wheel(bench.port, wire_map, CLOCK, 0.05)
+    bench, wheel = timed, open_timed(timed, family, 0.05)
+    assert timed.cable is not None
+    clock = timed.cable.clock
     bench.fault("dribble/from:5ms")
     let_pass(wheel)
     assert not any(wheel.read(0.05) for _ in range(6))
     bench.fault("")
-    CLOCK.sleep(0.3)  # until the last of them has come
+    clock.sleep(0.3)  # until the last of them has come
     assert recovers(bench, wheel)
-    bench.fault(f"cut/{wire_map.speed_register.name}:6")
+    bench.fault(f"cut/{bench.registers.wire_map.speed_register.name}:6")
     let_pass(wheel)
     assert wheel.read(0.05) is None
     damaged = wheel.link.damaged
-    CLOCK.sleep(0.2)
+    clock.sleep(0.2)
     bench.fault("")
     assert wheel.read(1.0) is not None
     assert wheel.link.damaged == damaged + 1 or (is_unasked(wheel) and wheel.link.damaged > damaged)

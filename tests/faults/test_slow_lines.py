@@ -47,10 +47,10 @@ def _confirmed(wheel: SerialWheel) -> bool:
     return wheel.command_current(0.0).acknowledged
 
 
-def test_a_reading_is_stamped_when_its_last_byte_came(bench: Bench, wheel: SerialWheel) -> None:
+def test_a_reading_is_stamped_when_its_last_byte_came(timed_wheel: SerialWheel) -> None:
     """Row 23: not when the driver got round to it: an exchange ends with the read that brought the byte."""
-    line = wheel._line
-    exchange = line.request(wheel._main.id, b"", wheel._main.size)
+    line, main = timed_wheel._line, timed_wheel._main
+    exchange = line.request(main.id, b"", main.size)
     assert exchange.data is not None
     if isinstance(line, SerialLink):
         assert exchange.replied_s == line._came_s

@@ -52,6 +52,8 @@ def test_one_dead_from_the_start_and_one_that_dies_come_back_while_the_others_ar
             told: list[dict[str, Any]] = []
 
             def all_track() -> bool:
+                if set(states(bench).values()) != {"TRACKING"}:
+                    return False
                 told[:] = document_of(rw_ekf("status", "--config", config, "--json").stdout)["wheels"]
                 return [(wheel["wheel"], wheel["state"]) for wheel in told] == [(n, "TRACKING") for n in NAMES]
 
