@@ -92,7 +92,8 @@ def test_the_daemon_is_lost_at_once_and_takes_the_line_up_again_with_zero_first(
         back.append(len(bench.recorder.writes_A()))
         bench.plug()
 
-    ran = run(bench, 4.0, (1.0, bench.unplug), (1.8, plug))
+    patient = {"silence_s": 2.0}  # a lost line is told at once; a reply that is late is none
+    ran = run(bench, 4.0, (1.0, bench.unplug), (1.8, plug), limits=patient)
     assert ran.outcome.link.reconnects == 1
     assert not ran.outcome.lost
     assert ran.outcome.zero_confirmed
