@@ -41,9 +41,7 @@ class ActuatorLag(CurrentEffect):
         return [Candidate(facts.period_s * ratio) for ratio in (0.2, 0.5, 1.0, 3.0, 10.0)]
 
     @staticmethod
-    def lagged(
-        a: float, q1: float, q2: float, q3: float, state: float, current: float, duration: float
-    ) -> tuple[float, float]:
+    def lagged(a: float, q: Shape, state: float, current: float, duration: float) -> tuple[float, float]:
         """Exponential approach; its mean over the piece is exact, so that the impulse is."""
         if a <= 1.0e-9 * duration:
             return current, current

@@ -11,6 +11,7 @@ from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moment, moves, of_c
 from rw_ekf.model.averages import phi_1
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
+from rw_ekf.model.moment import Moment
 
 _TOLD_S = 100.0  # in which a person is told how far it walks
 
@@ -63,17 +64,14 @@ class CoulombDrift(WanderingEffect):
         ]
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Dry friction in the middle of the piece; none before the start."""
-        if q3 > 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, a * min(max(time - q2, 0.0), q3)
-        passed = max(time - q2, 0.0)
-        if q1 <= 0.0:
+        if q[2] > 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, a * min(max(at.time - q[1], 0.0), q[2])
+        passed = max(at.time - q[1], 0.0)
+        if q[0] <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed
-        return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed * phi_1(passed / q1)
+        return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed * phi_1(passed / q[0])
 
     @staticmethod
     def piece(from_s: float, to_s: float) -> Shape:

@@ -13,6 +13,7 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import REFERENCE_DEGC, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 
 class CoulombTemperature(StaticEffect):
@@ -46,12 +47,9 @@ class CoulombTemperature(StaticEffect):
         return 0.2
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Dry friction by the factor a (T - 20 degC) of Coulomb friction."""
-        return 0.0, 0.0, 0.0, 0.0, a * (temperature - REFERENCE_DEGC), 0.0
+        return 0.0, 0.0, 0.0, 0.0, a * (at.temperature - REFERENCE_DEGC), 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -7,6 +7,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, of_coulomb, top_speed
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 
 class CubicDrag(StaticEffect):
@@ -31,12 +32,9 @@ class CubicDrag(StaticEffect):
         return 3.0 * friction_at(facts, top_speed(facts)) / top_speed(facts) ** 3
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """-f linearised at omega: external 2 a omega^3, viscous 3 a omega^2."""
-        return 0.0, 2.0 * a * omega * omega * omega, 3.0 * a * omega * omega, 0.0, 0.0, 0.0
+        return 0.0, 2.0 * a * at.omega * at.omega * at.omega, 3.0 * a * at.omega * at.omega, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

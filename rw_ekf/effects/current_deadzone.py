@@ -7,6 +7,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import plus_minus
 
 
@@ -39,25 +40,19 @@ class CurrentDeadzone(StaticEffect):
         return [Candidate(facts.top_current_A * share) for share in (0.002, 0.01, 0.03, 0.1)]
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Current sgn(I) min(|I|, a) less. A filter on its way may look at a < 0: the line goes on."""
-        if current == 0.0:
+        if at.current == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        lost = min(abs(current), a)
-        return -lost if current > 0.0 else lost, 0.0, 0.0, 0.0, 0.0, 0.0
+        lost = min(abs(at.current), a)
+        return -lost if at.current > 0.0 else lost, 0.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def slope(a: float, q: Shape, at: Moment) -> Contribution:
         """-sgn(I) where the current is larger than the width."""
-        if abs(current) <= a or current == 0.0:
+        if abs(at.current) <= a or at.current == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        return -1.0 if current > 0.0 else 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return -1.0 if at.current > 0.0 else 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

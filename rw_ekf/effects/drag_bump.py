@@ -15,6 +15,7 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 from rw_ekf.units import rpm_from_rad_s
 
 _WIDEST = 0.3  # of the top speed: a wider one is drag of another kind
@@ -80,18 +81,15 @@ class DragBump(StaticEffect):
         return super().untestable(facts) or lacking
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """-f linearised at omega; a wheel at rest takes the direction of its current, for that way it would move."""
-        forward = omega if omega != 0.0 else current
+        forward = at.omega if at.omega != 0.0 else at.current
         if forward == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        offset = (abs(omega) - q1) / q2
+        offset = (abs(at.omega) - q[0]) / q[1]
         size = a * math.exp(-min(offset * offset, 700.0))
-        steepness = -2.0 * offset / q2 * size
-        return 0.0, omega * steepness - math.copysign(size, forward), steepness, 0.0, 0.0, 0.0
+        steepness = -2.0 * offset / q[1] * size
+        return 0.0, at.omega * steepness - math.copysign(size, forward), steepness, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -9,6 +9,7 @@ from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, moment, of_coulomb
 from rw_ekf.model.averages import phi_1
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 _DECAYS_S = (10.0, 60.0, 300.0, 3600.0)
 _LEAST_SAMPLES = 10.0
@@ -95,18 +96,15 @@ class DragSpike(StaticEffect):
         return super().untestable(facts) or (None if cls.candidates(facts) else "needs a record longer than 2 s")
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Dry friction a times the mean of the decay over that part of the piece which is after the onset."""
-        passed = time + 0.5 * duration - q1  # at the piece's end, since the onset
+        passed = at.time + 0.5 * at.duration - q[0]  # at the piece's end, since the onset
         if passed < 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if duration <= 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, a * math.exp(-passed / q2)
-        inside = min(passed, duration)
-        mean = phi_1(inside / q2) * inside / duration * math.exp(-(passed - inside) / q2)
+        if at.duration <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, a * math.exp(-passed / q[1])
+        inside = min(passed, at.duration)
+        mean = phi_1(inside / q[1]) * inside / at.duration * math.exp(-(passed - inside) / q[1])
         return 0.0, 0.0, 0.0, 0.0, 0.0, a * mean
 
     @staticmethod

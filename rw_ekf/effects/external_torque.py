@@ -10,6 +10,7 @@ from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.model.averages import sinc
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution
+from rw_ekf.model.moment import Moment
 
 _DENSE = 1200  # frequencies half a line's width apart: none between them is missed
 _SPARSE = 300  # above these, evenly in their logarithm: a speed hardly follows a torque that fast anyhow
@@ -80,13 +81,10 @@ class ExternalTorque(PeriodicEffect):
         return super().untestable(facts)
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """External -f: the sine in the middle of the piece times sinc of half the phase passed."""
-        half = math.pi * q1 * duration
-        return 0.0, -a * sinc(half) * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
+        half = math.pi * q[0] * at.duration
+        return 0.0, -a * sinc(half) * math.sin(2.0 * math.pi * q[0] * (at.time - q[2]) + q[1]), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -48,9 +48,8 @@ class FrictionLag(FrictionMemoryEffect):
 
     @staticmethod
     def flow(
-        omega: float, memory: float, drive: float, curve: FrictionCurve,
-        a: float, q1: float, q2: float, q3: float, duration: float,
-    ) -> tuple[float, float]:  # fmt: skip
+        omega: float, memory: float, drive: float, curve: FrictionCurve, a: float, q: Shape, duration: float
+    ) -> tuple[float, float]:
         """(speed, friction) after `duration`; the memory is the friction F."""
         return lag_flow(omega, memory, drive, curve, a, duration)
 

@@ -15,6 +15,7 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import REFERENCE_DEGC, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 
 class MotorGainTemperature(StaticEffect):
@@ -45,12 +46,9 @@ class MotorGainTemperature(StaticEffect):
         return 0.05
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Current a (T - 20 degC) I more."""
-        return a * (temperature - REFERENCE_DEGC) * current, 0.0, 0.0, 0.0, 0.0, 0.0
+        return a * (at.temperature - REFERENCE_DEGC) * at.current, 0.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -7,6 +7,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current, top_drive
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import plus_minus
 
 
@@ -36,12 +37,9 @@ class MotorSaturation(StaticEffect):
         return 1.0 / max(facts.top_current_A, 1.0e-12)
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Current a |I| I less."""
-        return -a * abs(current) * current, 0.0, 0.0, 0.0, 0.0, 0.0
+        return -a * abs(at.current) * at.current, 0.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

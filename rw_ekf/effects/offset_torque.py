@@ -7,6 +7,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import dry_scale, lacks_reversal, largest_torque, of_coulomb
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import plus_minus
 
 _SMALLEST_SHARE = 0.003  # of dry friction
@@ -35,10 +36,7 @@ class OffsetTorque(StaticEffect):
         return largest_torque(facts)
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """External -a."""
         return 0.0, -a, 0.0, 0.0, 0.0, 0.0
 

@@ -25,6 +25,7 @@ from rw_ekf.model.effect import REFERENCE_DEGC, ActsAs, Candidate, Coefficient, 
 from rw_ekf.model.effect_kinds import Contribution, FormulaEffect
 from rw_ekf.model.formula_program import AT_REST_RAD_S, formula_size, formula_value, program_of
 from rw_ekf.model.law import DRAG, KINDS, law_contribution, motion
+from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import number_text, plus_minus
 
 _PLACES = {0: 1, 1: 12, 2: 7, 3: 5}  # tried of each constant, by how many there are
@@ -49,7 +50,7 @@ class OwnEffect(FormulaEffect):
     def torque(cls, shape: Shape, facts: RecordFacts) -> float:
         """The most that a coefficient of 1 is as a torque per inertia over the record [rad/s^2]; NaN: no value."""
         program = cls.program(shape)
-        sizes = [abs(formula_value(program, 0, len(program), *place)[0]) for place in _record_places(cls, facts)]
+        sizes = [abs(formula_value(program, 0, len(program), place)[0]) for place in _record_places(cls, facts)]
         scale = top_drive(facts) if cls.acts_by == "motor_gain" else 1.0
         return math.nan if any(map(math.isnan, sizes)) else max(scale * max(sizes), 1.0e-300)
 
@@ -90,24 +91,18 @@ class OwnEffect(FormulaEffect):
             return reason
         program = cls.program(cls.candidates(facts)[0].shape)
         for place in _record_places(cls, facts):
-            if math.isnan(formula_value(program, 0, len(program), *place)[0]):
-                used = zip(_SHOWN, place, strict=True)
+            if math.isnan(formula_value(program, 0, len(program), place)[0]):
+                used = zip(_SHOWN, place, strict=False)
                 where = ", ".join(f"{name} = {value:.3g}" for name, value in used if name in cls.formula.tree.names())
                 return f"its formula has no value at {where or 'any place'}: mend it, or its start"
         return None
 
     @classmethod
-    def contribution(
-        cls, a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(cls, a: float, q: Shape, at: Moment) -> Contribution:
         """As the compiled filter has it."""
-        program, kind, along = cls.program((q1, q2, q3)), KINDS.index(cls.acts_by), motion(omega, current)
-        middle = angle + 0.5 * omega * duration
-        size, slope = formula_size(
-            program, 0, len(program), along, kind == DRAG, omega, current, temperature, middle, time
-        )
-        return law_contribution(kind, a * size, a * slope, along, omega, current)
+        program, kind, along = cls.program(q), KINDS.index(cls.acts_by), motion(at.omega, at.current)
+        size, slope = formula_size(program, 0, len(program), along, kind == DRAG, at)
+        return law_contribution(kind, a * size, a * slope, along, at.omega, at.current)
 
     @classmethod
     def sentence(cls, value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
@@ -194,8 +189,8 @@ def _torques(effect: type[OwnEffect], facts: RecordFacts) -> list[float]:
     return [torque for torque in found if not math.isnan(torque)] or [1.0]
 
 
-def _record_places(effect: type[OwnEffect], facts: RecordFacts) -> list[tuple[float, float, float, float, float]]:
-    """What the record has of each quantity in the formula: speed, current, temperature, angle, time."""
+def _record_places(effect: type[OwnEffect], facts: RecordFacts) -> list[Moment]:
+    """What the record has of each quantity in the formula."""
     used = set(effect.tree.names())
 
     def spread(name: str, low: float, high: float) -> list[float]:
@@ -204,15 +199,14 @@ def _record_places(effect: type[OwnEffect], facts: RecordFacts) -> list[tuple[fl
 
     speed, current, half = top_speed(facts), facts.top_current_A, 0.5 * temperature_range(facts)
     lowest = AT_REST_RAD_S if effect.acts_by == "drag" else -speed
-    return list(
-        itertools.product(
-            spread("omega", lowest, speed),
-            spread("current", -current, current),
-            spread("temperature", REFERENCE_DEGC - half, REFERENCE_DEGC + half),
-            spread("angle", 0.0, 2.0 * math.pi),
-            spread("time", facts.first_s, facts.last_s),
-        )
+    places = itertools.product(
+        spread("omega", lowest, speed),
+        spread("current", -current, current),
+        spread("temperature", REFERENCE_DEGC - half, REFERENCE_DEGC + half),
+        spread("angle", 0.0, 2.0 * math.pi),
+        spread("time", facts.first_s, facts.last_s),
     )
+    return [Moment(*place, 0.0) for place in places]
 
 
 def _constant_text(item: Parameter, value: float) -> str:

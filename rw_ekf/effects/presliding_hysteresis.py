@@ -81,11 +81,10 @@ class PreslidingHysteresis(FrictionMemoryEffect):
 
     @staticmethod
     def flow(
-        omega: float, memory: float, drive: float, curve: FrictionCurve,
-        a: float, q1: float, q2: float, q3: float, duration: float,
-    ) -> tuple[float, float]:  # fmt: skip
+        omega: float, memory: float, drive: float, curve: FrictionCurve, a: float, q: Shape, duration: float
+    ) -> tuple[float, float]:
         """(speed, friction) after `duration`; the memory is the elastic part sigma0 z, damping comes on top."""
-        return bristle_flow(omega, memory, drive, curve, a, q1, duration)
+        return bristle_flow(omega, memory, drive, curve, a, q[0], duration)
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

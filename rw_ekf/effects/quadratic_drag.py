@@ -7,6 +7,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, of_coulomb, top_speed
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 
 class QuadraticDrag(StaticEffect):
@@ -34,12 +35,9 @@ class QuadraticDrag(StaticEffect):
         return 3.0 * friction_at(facts, top_speed(facts)) / top_speed(facts) ** 2
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """-f linearised at omega: external a omega |omega|, viscous 2 a |omega|."""
-        return 0.0, a * omega * abs(omega), 2.0 * a * abs(omega), 0.0, 0.0, 0.0
+        return 0.0, a * at.omega * abs(at.omega), 2.0 * a * abs(at.omega), 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

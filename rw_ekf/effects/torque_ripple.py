@@ -10,6 +10,7 @@ from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.model.averages import sinc
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution
+from rw_ekf.model.moment import Moment
 
 # Orders of motors: every one up to 12, then slots, poles and their common multiples.
 _ORDERS = (*range(1, 13), 14, 15, 18, 20, 21, 24, 27, 28, 30, 36, 42, 48, 54, 60, 72, 84, 96, 108, 120, 144, 168)
@@ -75,13 +76,10 @@ class TorqueRipple(PeriodicEffect):
         return super().untestable(facts)
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """External -f: the sine at the middle angle of the piece times sinc of half the phase turned."""
-        half = 0.5 * q1 * omega * duration
-        return 0.0, -a * sinc(half) * math.sin(q1 * angle + half + q2), 0.0, 0.0, 0.0, 0.0
+        half = 0.5 * q[0] * at.omega * at.duration
+        return 0.0, -a * sinc(half) * math.sin(q[0] * at.angle + half + q[1]), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

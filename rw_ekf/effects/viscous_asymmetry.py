@@ -7,6 +7,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, lacks_reversal, top_speed
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import plus_minus
 
 
@@ -33,12 +34,9 @@ class ViscousAsymmetry(StaticEffect):
         return friction_at(facts, top_speed(facts)) / top_speed(facts)
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Viscous a sgn(omega); a wheel at rest takes the direction of its current, for that way it would move."""
-        forward = omega if omega != 0.0 else current
+        forward = at.omega if at.omega != 0.0 else at.current
         if forward == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         return 0.0, 0.0, a if forward > 0.0 else -a, 0.0, 0.0, 0.0

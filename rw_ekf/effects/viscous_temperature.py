@@ -15,6 +15,7 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import REFERENCE_DEGC, Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 _LAWS = ("linear", "exponential")
 _EXPONENTIAL = 1.0
@@ -59,24 +60,18 @@ class ViscousTemperature(StaticEffect):
         return 0.5
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """Viscous friction by the factor a (T - 20 degC), or exp of that less 1."""
-        change = a * (temperature - REFERENCE_DEGC)
-        if q1 == _EXPONENTIAL:
+        change = a * (at.temperature - REFERENCE_DEGC)
+        if q[0] == _EXPONENTIAL:
             change = math.expm1(min(change, _MOST))
         return 0.0, 0.0, 0.0, change, 0.0, 0.0
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def slope(a: float, q: Shape, at: Moment) -> Contribution:
         """T - 20 degC, times the exponential."""
-        change = temperature - REFERENCE_DEGC
-        if q1 == _EXPONENTIAL:
+        change = at.temperature - REFERENCE_DEGC
+        if q[0] == _EXPONENTIAL:
             change *= math.exp(min(a * change, _MOST))
         return 0.0, 0.0, 0.0, change, 0.0, 0.0
 

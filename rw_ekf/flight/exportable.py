@@ -68,4 +68,4 @@ def reads(term: Term, quantity: str) -> bool:
     if not issubclass(term.effect, StaticEffect):
         return False
     tree = source_of(term.effect.contribution).tree
-    return any(isinstance(node, ast.Name) and node.id == quantity for node in ast.walk(tree))
+    return any(isinstance(node, ast.Attribute) and node.attr == quantity for node in ast.walk(tree))

@@ -24,7 +24,7 @@ from rw_ekf.wheel.pieces import _HELD, _LAG_STEPS, _LEAST_SHAPE
 
 MATLAB_SCHEMA = "rw_ekf.export_matlab/1"
 _LONGEST_NAME = 63  # of a function of MATLAB
-_AT = "omega, amperes, state.temperature_degC, angle, at + 0.5 * h, h"
+_AT = "[omega, amperes, state.temperature_degC, angle, at + 0.5 * h, h, state.columns]"  # a Moment
 _MAIN = """function [omega_next, state_next] = NAME(omega, current, dt, p, state)
 %TITLE
 %
@@ -217,14 +217,14 @@ def _terms(model: PlantModel, functions: Functions) -> list[str]:
             )
             laws += [
                 f"    place = {place}({size}, {of}.first, {of}.per, {term.law.over}, ...\n",
-                f"        {_AT}, state.columns);\n",
+                f"        {_AT});\n",
                 f"    value = p.{field} * {value}({of}.values, {of}.sums, 0, {size}, place);\n",
                 f"    terms = terms + {contribution}({kind}, value(1), value(2), {motion}(omega, amperes), ...\n",
                 "        omega, amperes);\n",
             ]
         elif issubclass(term.effect, StaticEffect):
             called = functions.name_of(term.effect.contribution)
-            lines.append(f"    terms = terms + {called}(p.{field}, {_shape(term, i)}, ...\n        {_AT});\n")
+            lines.append(f"    terms = terms + {called}(p.{field}, [{_shape(term, i)}], ...\n        {_AT});\n")
     return lines + laws
 
 
@@ -258,7 +258,7 @@ def _lag(model: PlantModel, functions: Functions) -> str:
             h = left;
         end
     end
-    lagged = {called}(tau, {shape}, state.current_A, current, h);
+    lagged = {called}(tau, [{shape}], state.current_A, current, h);
     amperes = lagged(1);
     state.current_A = lagged(2);
 """
@@ -276,7 +276,7 @@ def _flow(model: PlantModel, functions: Functions) -> str:
     end
 """
     return f"""{held if table.memory_holds else ""}    moved = {called}(omega, state.friction_rad_s2, drive, curve, ...
-        p.{_state(model, table.memory_at)}, {shape}, h);
+        p.{_state(model, table.memory_at)}, [{shape}], h);
     omega = moved(1);
     state.friction_rad_s2 = moved(2);
 """

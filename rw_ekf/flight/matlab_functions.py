@@ -18,6 +18,7 @@ from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.python_source import source_of
 from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.law import Place
+from rw_ekf.model.moment import Moment
 
 SMALL_FUNCTIONS = """function value = at_(row, place)
 value = row(place);
@@ -49,7 +50,9 @@ _SAME = frozenset(
 _RESERVED = frozenset(
     re.findall(r"\w+", "end for while if else elseif function return break continue global persistent")
 )
-_PLACES = {name: place for kind in (FrictionCurve, Place) for place, name in enumerate(kind._fields)}
+_PLACES = {
+    name: str(place) for kind in (FrictionCurve, Place, Moment) for place, name in enumerate(kind._fields, start=1)
+} | {"columns": "7:9"}
 _INDENT = "    "
 
 
@@ -178,7 +181,7 @@ class _Printer:
         if isinstance(node.value, ast.Name) and node.value.id == "math":
             return number(getattr(math, node.attr))
         if node.attr in _PLACES:
-            return f"{self.value(node.value)}({_PLACES[node.attr] + 1})"
+            return f"{self.value(node.value)}({_PLACES[node.attr]})"
         raise self._fail(node)
 
     def _subscript(self, node: ast.Subscript) -> str:

@@ -36,9 +36,10 @@ from rw_ekf.filter.step import (
     weigh,
 )
 from rw_ekf.model.effect import REFERENCE_DEGC
+from rw_ekf.model.moment import Columns
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import Columns, Interval, Pieces, last_known
+from rw_ekf.wheel.interval import Interval, Pieces, last_known
 
 Clock = float  # a time [s] that is kept in double precision whatever the rest is
 

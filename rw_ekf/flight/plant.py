@@ -12,11 +12,12 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.model.friction import Stribeck
+from rw_ekf.model.moment import Columns, Moment
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.effect_table import ABSENT, EffectTable
 from rw_ekf.wheel.friction_torque import friction_of
-from rw_ekf.wheel.interval import Columns, Interval, Pieces
-from rw_ekf.wheel.pieces import Moment, effect_interval
+from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.window import lateness
 
 PAST_MOST = 4096  # currents that a delay or a window looks back at: 4 s at 1 kHz; 100 kB of memory

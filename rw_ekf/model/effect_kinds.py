@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, ClassVar
 from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.law import ActsAs
+from rw_ekf.model.moment import Moment
 
 if TYPE_CHECKING:
     from rw_ekf.checking.effect_file import OwnFormula
@@ -34,26 +35,19 @@ Contribution = tuple[float, float, float, float, float, float]
 class StaticEffect(Effect):
     """An effect that needs no memory: six contributions to a piece, and their slopes by the coefficient.
 
-    a: coefficient; q1, q2, q3: shape constants; omega [rad/s] at the piece's start; current [A] commanded; temperature
-    [degC]; angle [rad] at the piece's start; time [s] of the log in the middle of the piece; duration [s] of the piece.
-    Scalar functions that import only `math`: numba compiles them as they are.
+    a: coefficient; q: shape constants; at: speed and angle where the piece begins, the log's time in its middle, and
+    how long it is. Scalar functions that import only `math`: numba compiles them as they are.
     """
 
     @staticmethod
     @abstractmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """The six contributions."""
 
     @classmethod
-    def slope(
-        cls, a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def slope(cls, a: float, q: Shape, at: Moment) -> Contribution:
         """Their derivatives by the coefficient; the contributions of a = 1 where they are proportional to it."""
-        return cls.contribution(1.0, q1, q2, q3, omega, current, temperature, angle, time, duration)
+        return cls.contribution(1.0, q, at)
 
     @classmethod
     def is_proportional(cls) -> bool:
@@ -84,9 +78,7 @@ class CurrentEffect(Effect):
 
     @staticmethod
     @abstractmethod
-    def lagged(
-        a: float, q1: float, q2: float, q3: float, state: float, current: float, duration: float
-    ) -> tuple[float, float]:
+    def lagged(a: float, q: Shape, state: float, current: float, duration: float) -> tuple[float, float]:
         """(mean current over the piece, state at its end) from the state at its start and the commanded current."""
 
 
@@ -118,9 +110,8 @@ class FrictionMemoryEffect(Effect):
     @staticmethod
     @abstractmethod
     def flow(
-        omega: float, memory: float, drive: float, curve: FrictionCurve,
-        a: float, q1: float, q2: float, q3: float, duration: float,
-    ) -> tuple[float, float]:  # fmt: skip
+        omega: float, memory: float, drive: float, curve: FrictionCurve, a: float, q: Shape, duration: float
+    ) -> tuple[float, float]:
         """(speed, friction) after `duration` under a constant drive; stands in for rw_ekf.model.flow.flow."""
 
 

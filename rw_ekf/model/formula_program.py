@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.checking.formula import ONE_ARGUMENT, QUANTITIES, TWO_ARGUMENTS
+from rw_ekf.model.moment import Moment
 
 if TYPE_CHECKING:
     from rw_ekf.checking.formula import Node
@@ -37,6 +38,7 @@ _SQRT, _ABS, _SGN = CODES["sqrt"], CODES["abs"], CODES["sgn"]
 _ADD, _SUB, _MUL, _DIV, _POW = (CODES[name] for name in ("+", "-", "*", "/", "**"))
 _ATAN2, _MIN = CODES["atan2"], CODES["min"]
 _COMMUTE = ("+", "*", "min", "max")
+_NOWHERE = Moment(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # for what depends on nothing
 _EMPTY: Stack = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _LARGEST = 1.0e100  # of any value on the way
 _LARGEST_RESULT = 1.0e12  # in SI units: no drag or torque per inertia is like that
@@ -66,7 +68,7 @@ def _emitted(node: Node, numbers: Mapping[str, float]) -> tuple[list[float], int
     code.append(float(CODES[node.op]))
     constant = all(part[2] for part in parts)
     if constant:
-        code, depth = [float(_NUMBER), formula_value(code, 0, len(code), 0.0, 0.0, 0.0, 0.0, 0.0)[0]], 1
+        code, depth = [float(_NUMBER), formula_value(code, 0, len(code), _NOWHERE)[0]], 1
     return code, depth, constant
 
 
@@ -184,30 +186,28 @@ def moved(slope: float, by: float) -> float:
     return slope * by if by != 0.0 else 0.0
 
 
-def formula_value(
-    values: Any, start: int, count: int, omega: float, current: float, temperature: float, angle: float, time: float
-) -> tuple[float, float]:
+def formula_value(values: Any, start: int, count: int, at: Moment) -> tuple[float, float]:
     """(value, slope by omega) of the program values[start:start + count]; NaN where there is none."""
     top, slopes = _EMPTY, _EMPTY
-    at = start
-    while at < start + count:
-        code = int(values[at])
-        at += 1
+    step = start
+    while step < start + count:
+        code = int(values[step])
+        step += 1
         if code <= _TIME:
-            x, slope = omega, 0.0
+            x, slope = at.omega, 0.0
             if code == _NUMBER:
-                x = values[at]
-                at += 1
+                x = values[step]
+                step += 1
             elif code == _OMEGA:
                 slope = 1.0
             elif code == _CURRENT:
-                x = current
+                x = at.current
             elif code == _TEMPERATURE:
-                x = temperature
+                x = at.temperature
             elif code == _ANGLE:
-                x = angle
+                x = at.angle
             else:
-                x = time
+                x = at.time
             top, slopes = (x,) + top[:-1], (slope,) + slopes[:-1]  # noqa: RUF005 - numba knows no star here
         elif code == _SWAP:
             top, slopes = (top[1], top[0]) + top[2:], (slopes[1], slopes[0]) + slopes[2:]  # noqa: RUF005
@@ -221,18 +221,19 @@ def formula_value(
     return top[0], slopes[0]
 
 
-def formula_size(
-    values: Any, start: int, count: int, along: float, of_motion: bool,
-    omega: float, current: float, temperature: float, angle: float, time: float,
-) -> tuple[float, float]:  # fmt: skip
-    """(value, slope by the speed itself) as an effect has them: 0 where there is no value, level where no slope.
+def formula_size(values: Any, start: int, count: int, along: float, of_motion: bool, at: Moment) -> tuple[float, float]:
+    """(value, slope by the speed itself) over a step, as an effect has them: 0 where no value is, level where no slope.
 
     along: 1.0 or -1.0, the way the wheel turns or would. of_motion: a drag, which is the same either way: asked for
-    with the size of the speed and the current along the motion.
+    with the size of the speed and the current along the motion. The angle is that in the middle of the step.
     """
+    omega, current = at.omega, at.current
     if of_motion:
         omega, current = max(abs(omega), AT_REST_RAD_S), current * along
-    value, slope = formula_value(values, start, count, omega, current, temperature, angle, time)
+    middle = at.angle + 0.5 * at.omega * at.duration
+    value, slope = formula_value(
+        values, start, count, Moment(omega, current, at.temperature, middle, at.time, at.duration, at.columns)
+    )
     if not abs(value) <= _LARGEST_RESULT:
         return 0.0, 0.0
     if not abs(slope) <= _LARGEST_RESULT:

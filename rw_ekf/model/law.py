@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
+from rw_ekf.model.moment import Moment
+
 if TYPE_CHECKING:
     from rw_ekf.arrays import Float64Array
 
@@ -154,29 +156,25 @@ def arc(count: int, angle: float, turned: float) -> Place:
     return Place(knot, begin - knot, 0.0, to_knot, end - to_knot, float(ended - begun), scale)
 
 
-def law_place(
-    count: int, first: float, per: float, over: int,
-    omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    columns: tuple[float, float, float],
-) -> Place:  # fmt: skip
+def law_place(count: int, first: float, per: float, over: int, now: Moment) -> Place:
     """Where a law of the quantity `over` is looked at in a piece (`StaticEffect` says what a piece is)."""
     if over == _ANGLE:
-        return arc(count, angle, omega * duration)
-    at, by_speed = omega, 0.0
+        return arc(count, now.angle, now.omega * now.duration)
+    at, by_speed = now.omega, 0.0
     if over == _SPEED:
         by_speed = 1.0
     elif over == _SPEED_SIZE:
-        at, by_speed = abs(omega), motion(omega, current)
+        at, by_speed = abs(now.omega), motion(now.omega, now.current)
     elif over == _CURRENT_ALONG:
-        at = current * motion(omega, current)
+        at = now.current * motion(now.omega, now.current)
     elif over == _CURRENT_SIZE:
-        at = abs(current)
+        at = abs(now.current)
     elif over == _TEMPERATURE:
-        at = temperature
+        at = now.temperature
     elif over == _TIME:
-        at = time
+        at = now.time
     elif over >= _COLUMN:
-        at = columns[over - _COLUMN]
+        at = now.columns[over - _COLUMN]
     if math.isnan(at):  # a column that was not logged
         return Place(-1, 0.0, 0.0, 0, 0.0, 0.0, 0.0)
     return point(count, first, per, at, by_speed)

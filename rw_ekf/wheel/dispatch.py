@@ -22,9 +22,9 @@ _HOMES = (
     "rw_ekf.model.memory_",
     *(module.__name__.partition(".")[0] for module in ADDED_MODULES),
 )
-_STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"
-_LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
-_FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q1, q2, q3, duration"
+_STATIC_ARGUMENTS = "a, q, at"
+_LAG_ARGUMENTS = "a, q, state, current, duration"
+_FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q, duration"
 
 
 def _choice(

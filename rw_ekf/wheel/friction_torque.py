@@ -9,11 +9,12 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.model.friction import Stribeck, acceleration
+from rw_ekf.model.moment import Moment
 from rw_ekf.model.state import MOTOR_GAIN, SPEED
 from rw_ekf.records import Believed
 from rw_ekf.wheel.dispatch import memory_flow
 from rw_ekf.wheel.effect_table import ABSENT, EffectTable
-from rw_ekf.wheel.pieces import Moment, driven_by, stribeck_of
+from rw_ekf.wheel.pieces import driven_by, stribeck_of
 from rw_ekf.wheel.transition import factor_covariance
 
 _TURNS = 60
@@ -101,7 +102,7 @@ def friction_of(values: Any, table: EffectTable, stribeck: Stribeck, moment: Mom
     else:
         memory, coefficient = values[table.memory_state_at], values[table.memory_at]
         moved, _ = memory_flow(
-            table.memory_code, speed, memory, drive, curve, coefficient, *table.memory_shape, _INSTANT_S
+            table.memory_code, speed, memory, drive, curve, coefficient, table.memory_shape, _INSTANT_S
         )
         rate = (moved - speed) / _INSTANT_S
     return float(gain * (current + terms.amperes) - rate)

@@ -6,9 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from rw_ekf.arrays import by_identity
-
-Columns = tuple[float, float, float]
-NO_COLUMNS: Columns = (0.0, 0.0, 0.0)
+from rw_ekf.model.moment import NO_COLUMNS, Columns
 
 
 @by_identity

@@ -9,10 +9,11 @@ from rw_ekf.model.flow import flow
 from rw_ekf.model.formula_program import formula_size
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.law import DRAG, FORMULA, Place, law_contribution, law_place, law_value, motion
+from rw_ekf.model.moment import Moment as Moment  # noqa: PLC0414 - the filter has it from here
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import NO_COLUMNS, Columns, Interval, Pieces
+from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.window import lateness, rounding
 
 _HELD = 0.05  # of the Stribeck speed
@@ -22,18 +23,6 @@ _COEFFICIENT_STEP = 1.0e-3
 _INPUTS = 7  # of a flow with a memory: speed, memory, drive, b, c, s, the effect's coefficient
 _LEAST_SHAPE = 0.05  # of the model's Stribeck speed, that an effect's is at least
 _LAG_STEPS = 8  # a step of a lagging current is half a time constant, or this share of what is left
-
-
-class Moment(NamedTuple):
-    """What a static effect is evaluated at: the speed where a step begins, the rest in its middle."""
-
-    omega: float  # rad/s
-    current: float  # A
-    temperature: float  # degC
-    angle: float  # rad, where the step begins
-    time: float  # s
-    duration: float  # s
-    columns: Columns = NO_COLUMNS  # of the log
 
 
 class Terms(NamedTuple):
@@ -51,10 +40,7 @@ def _law_place(table: EffectTable, j: int, at: Moment) -> Place:
     """Where the functions of the j-th law are looked at; a formula's are looked at as they are run."""
     if table.law_over[j] == FORMULA:
         return Place(-1, 0.0, 0.0, 0, 0.0, 0.0, 0.0)
-    return law_place(
-        table.law_count[j], table.law_first[j], table.law_per[j], table.law_over[j],
-        at.omega, at.current, at.temperature, at.angle, at.time, at.duration, at.columns,
-    )  # fmt: skip
+    return law_place(table.law_count[j], table.law_first[j], table.law_per[j], table.law_over[j], at)
 
 
 def _of_law(table: EffectTable, j: int, i: int, along: float, place: Place, at: Moment) -> tuple[float, float]:
@@ -62,11 +48,7 @@ def _of_law(table: EffectTable, j: int, i: int, along: float, place: Place, at: 
     count = table.law_count[j]
     start = table.law_start[j] + i * count
     if table.law_over[j] == FORMULA:
-        middle = at.angle + 0.5 * at.omega * at.duration
-        return formula_size(
-            table.law_values, start, count, along, table.law_kind[j] == DRAG,
-            at.omega, at.current, at.temperature, middle, at.time,
-        )  # fmt: skip
+        return formula_size(table.law_values, start, count, along, table.law_kind[j] == DRAG, at)
     return law_value(table.law_values, table.law_sums, start, count, place)
 
 
@@ -99,10 +81,7 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
         if a == 0.0:  # a hypothesis that is only asked for its slope
             continue
         q = table.static_shape[j]
-        part = contribution(
-            table.static_code[j], a, q[0], q[1], q[2],
-            at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
-        )  # fmt: skip
+        part = contribution(table.static_code[j], a, (q[0], q[1], q[2]), at)
         amperes += part[0]
         external += part[1]
         viscous += part[2]
@@ -144,10 +123,7 @@ def _chain_static(
     """
     for j in range(table.static_at.shape[0]):
         place, q = table.static_at[j], table.static_shape[j]
-        part = contribution_slope(
-            table.static_code[j], x[place], q[0], q[1], q[2],
-            at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
-        )  # fmt: skip
+        part = contribution_slope(table.static_code[j], x[place], (q[0], q[1], q[2]), at)
         row[to + place] += of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * (x[VISCOUS] * part[3] + part[2])
         row[to + place] += of_dry * (x[COULOMB] * part[4] + part[5])
     for j in range(table.law_at.shape[0]):
@@ -190,7 +166,6 @@ def _memory_moved(
 ) -> tuple[float, float]:  # fmt: skip
     """Speed and memory after a step whose input number `which` is greater by h; a: the effect's coefficient."""
     b, c, s, omega_s, law = curve
-    q = table.memory_shape
     moved: tuple[float, float] = memory_flow(
         table.memory_code,
         omega + h if which == 0 else omega,
@@ -198,9 +173,7 @@ def _memory_moved(
         drive + h if which == 2 else drive,
         FrictionCurve(b + h if which == 3 else b, c + h if which == 4 else c, s + h if which == 5 else s, omega_s, law),
         a + h if which == 6 else a,
-        q[0],
-        q[1],
-        q[2],
+        table.memory_shape,
         duration,
     )
     return moved
@@ -298,22 +271,20 @@ def effect_interval(
                     h = min(left, max(0.5 * tau, left / _LAG_STEPS))
                     if at + h <= at:  # of a lag of next to nothing: a step that moves no time would be taken for ever
                         h = left
-                q = table.lag_shape
                 current, end[table.lag_state_at] = lagged(
-                    table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h
+                    table.lag_code, tau, table.lag_shape, end[table.lag_state_at], current, h
                 )
             moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h, columns)
             terms, drive, curve = driven_by(x, table, stribeck, moment)
             before = omega
             if table.memory_at >= 0:
-                q = table.memory_shape
                 if table.memory_holds and abs(omega) < _HELD * stribeck.omega_s and abs(drive) <= curve.s:
                     # No estimate is exactly zero: below this speed a wheel that cannot break away counts as held.
                     omega = 0.0
                 held = end[table.memory_state_at]
                 start_omega = omega
                 omega, end[table.memory_state_at] = memory_flow(
-                    table.memory_code, omega, held, drive, curve, x[table.memory_at], q[0], q[1], q[2], h
+                    table.memory_code, omega, held, drive, curve, x[table.memory_at], table.memory_shape, h
                 )
                 if slopes:
                     moment = Moment(start_omega, current, temperature, angle, at + 0.5 * h, h, columns)

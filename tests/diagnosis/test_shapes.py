@@ -14,6 +14,7 @@ from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect_kinds import StaticEffect
+from rw_ekf.model.moment import Moment
 from tests.diagnosis.simulated import log_of, simulated
 
 
@@ -83,7 +84,7 @@ def test_pieces_of_a_broken_line_add_up_to_it() -> None:
     slopes, lengths = np.diff(heights) / np.diff(knots), np.diff(knots)
     for time in np.linspace(0.0, 150.0, 61):
         parts = [
-            drift.contribution(a, 0.0, start, length, 50.0, 0.0, 20.0, 0.0, time, 0.1)[5]
+            drift.contribution(a, (0.0, start, length), Moment(50.0, 0.0, 20.0, 0.0, time, 0.1))[5]
             for a, start, length in zip(slopes, knots[:-1], lengths, strict=True)
         ]
         assert sum(parts) == pytest.approx(np.interp(time, knots, heights), abs=1e-15)

@@ -10,7 +10,6 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -36,7 +35,7 @@ from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.speed_quantisation import SpeedQuantisation
 from rw_ekf.effects.stribeck_shape import StribeckShape
 from rw_ekf.errors import ConfigError
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Shape, Term
+from rw_ekf.model.effect import NO_SHAPE, Candidate, Effect, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import (
     Contribution,
     CurrentEffect,
@@ -48,6 +47,7 @@ from rw_ekf.model.effect_kinds import (
     WindowEffect,
 )
 from rw_ekf.model.friction import acceleration
+from rw_ekf.model.moment import Moment
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -75,23 +75,12 @@ CARRIAGE = RecordFacts(
 AIR_BEARING = dataclasses.replace(WHEEL, friction=FrictionParameters(0.0, 0.0, 0.0, 0.0), top_current_A=0.0)
 
 
-class Conditions(NamedTuple):
-    """What a contribution is asked for."""
-
-    omega: float
-    current: float
-    temperature: float
-    angle: float
-    time: float
-    duration: float
-
-
-def draw_conditions(rng: np.random.Generator, duration: float) -> Conditions:
+def draw_conditions(rng: np.random.Generator, duration: float) -> Moment:
     """Somewhere in the record, away from zero speed."""
     omega = float(rng.uniform(20.0, 200.0) * rng.choice([-1.0, 1.0]))
     current = float(rng.uniform(-0.4, 0.4) * rng.choice([0.005, 1.0]))  # within a dead zone as well as beyond it
     temperature = float(rng.uniform(10.0, 35.0))
-    return Conditions(
+    return Moment(
         omega, current, temperature, float(rng.uniform(-50.0, 50.0)), float(rng.uniform(1.0, 599.0)), duration
     )
 
@@ -109,7 +98,7 @@ def draw_size(rng: np.random.Generator, effect: type[Effect]) -> tuple[float, Sh
     return a, shape
 
 
-def cases(effect: type[Effect], duration: float = 0.1) -> list[tuple[float, Shape, Conditions]]:
+def cases(effect: type[Effect], duration: float = 0.1) -> list[tuple[float, Shape, Moment]]:
     """Seeded draws of coefficient, shape and conditions, the same for an effect whatever else is in the catalogue."""
     rng = np.random.default_rng([ord(letter) for letter in effect.id])
     return [(*draw_size(rng, effect), draw_conditions(rng, duration)) for _ in range(DRAWS)]
@@ -122,7 +111,7 @@ def force(part: Contribution, omega: float) -> float:
     return K * current + external - (B * viscous_factor + viscous) * omega - slipping
 
 
-def with_part(part: Contribution, at: Conditions) -> float:
+def with_part(part: Contribution, at: Moment) -> float:
     """The model's acceleration with the contribution entered as effect_kinds.py says [rad/s^2]."""
     current, external, viscous, viscous_factor, dry_factor, dry = part
     level = C * dry_factor + dry
@@ -139,7 +128,7 @@ def plant_with(effect: type[Effect], a: float, shape: Shape) -> PlantParameters:
     return EFFECTS[effect.id](**numbers).applied_to(PlantParameters())
 
 
-def plant_acceleration(p: PlantParameters, at: Conditions) -> float:
+def plant_acceleration(p: PlantParameters, at: Moment) -> float:
     """The simulated wheel's acceleration at an instant [rad/s^2], put together as its integrator does."""
     state = PlantState(at.time, at.omega, at.angle, at.temperature, at.current)
     level = coulomb_shift(p, state) + spike_acceleration(p, at.time)
@@ -259,9 +248,8 @@ def test_the_smallest_size_is_half_to_one_percent_of_coulomb_friction(
         shape = (shape[0], math.pi / 2.0, 0.0)
     time = 0.0 if effect.components == 2 else shape[0] if effect.local_in_time else facts.last_s
     warmest = 20.0 + (facts.temperature_range_K or 0.0)
-    part = effect.contribution(
-        effect.smallest(facts), *shape, facts.top_speed_rad_s, facts.top_current_A, warmest, 0.0, time, 0.0
-    )
+    at = Moment(facts.top_speed_rad_s, facts.top_current_A, warmest, 0.0, time, 0.0)
+    part = effect.contribution(effect.smallest(facts), shape, at)
     # Taken at the same speed, so that the linearised pair gives the force itself.
     added = k * part[0] + part[1] - (b * part[3] + part[2]) * facts.top_speed_rad_s - (c * part[4] + part[5])
     assert 0.98 * least < abs(added) / dry_scale(facts) < 0.0101
@@ -272,8 +260,8 @@ def test_slope_is_the_derivative(effect: type[StaticEffect]) -> None:
     """The slope by the coefficient equals a central difference of the contribution."""
     for a, shape, at in cases(effect):
         h = 1.0e-4 * abs(a)
-        ahead, behind = (np.array(effect.contribution(a + e, *shape, *at)) for e in (h, -h))
-        assert effect.slope(a, *shape, *at) == pytest.approx((ahead - behind) / (2.0 * h), rel=1e-8, abs=1e-12)
+        ahead, behind = (np.array(effect.contribution(a + e, shape, at)) for e in (h, -h))
+        assert effect.slope(a, shape, at) == pytest.approx((ahead - behind) / (2.0 * h), rel=1e-8, abs=1e-12)
 
 
 @pytest.mark.parametrize("effect", [e for e in STATIC if e.is_proportional()], ids=lambda effect: effect.id)
@@ -281,18 +269,18 @@ def test_a_proportional_effect_is_its_slope(effect: type[StaticEffect]) -> None:
     """What has no slope of its own contributes its coefficient times that of one, at zero coefficient nothing."""
     assert effect.linear
     for a, shape, at in cases(effect):
-        unit = effect.slope(a, *shape, *at)
-        assert effect.contribution(a, *shape, *at) == pytest.approx([a * x for x in unit], rel=1e-13)
-        assert not any(effect.contribution(0.0, *shape, *at))
+        unit = effect.slope(a, shape, at)
+        assert effect.contribution(a, shape, at) == pytest.approx([a * x for x in unit], rel=1e-13)
+        assert not any(effect.contribution(0.0, shape, at))
 
 
 @pytest.mark.parametrize("effect", STATIC, ids=lambda effect: effect.id)
 def test_the_contribution_is_the_tangent_of_the_force(effect: type[StaticEffect]) -> None:
     """A contribution made at one speed is right at another but for a term of second order: half as far, a quarter."""
 
-    def error(a: float, shape: Shape, at: Conditions, away: float) -> float:
+    def error(a: float, shape: Shape, at: Moment, away: float) -> float:
         there = at._replace(omega=at.omega + away)
-        here_part, there_part = (effect.contribution(a, *shape, *where) for where in (at, there))
+        here_part, there_part = (effect.contribution(a, shape, where) for where in (at, there))
         return abs(force(here_part, there.omega) - force(there_part, there.omega))
 
     for a, shape, at in cases(effect, duration=0.0):
@@ -305,7 +293,7 @@ def test_the_simulated_wheel_agrees(effect: type[StaticEffect]) -> None:
     """Model and contribution give the acceleration of the simulated wheel with the effect's twin, at any instant."""
     moved = 0.0
     for a, shape, at in cases(effect, duration=0.0):
-        found = with_part(effect.contribution(a, *shape, *at), at)
+        found = with_part(effect.contribution(a, shape, at), at)
         assert found == pytest.approx(plant_acceleration(plant_with(effect, a, shape), at), rel=1e-11, abs=1e-12)
         moved = max(moved, abs(found - acceleration(at.omega, K * at.current, B, C, S, OMEGA_S, 0)))
     assert moved > 1.0e-3
@@ -328,7 +316,7 @@ def test_over_a_piece_it_is_the_mean(effect_id: str) -> None:
             at._replace(time=at.time + x * at.duration, angle=middle + at.omega * x * at.duration) for x in instants
         ]
         mean = sum(plant_acceleration(p, instant) for instant in along) / len(along)
-        expected = with_part(effect.contribution(a, *shape, *at), at)
+        expected = with_part(effect.contribution(a, shape, at), at)
         assert expected == pytest.approx(mean, abs=2e-3 * abs(a))
 
 
@@ -338,7 +326,7 @@ def test_an_onset_within_a_piece_counts_from_the_onset_on() -> None:
     assert issubclass(spike, StaticEffect)
 
     def dry(time: float) -> float:
-        return spike.contribution(0.05, 100.0, 60.0, 0.0, 50.0, 0.0, 20.0, 0.0, time, 0.1)[5]
+        return spike.contribution(0.05, (100.0, 60.0, 0.0), Moment(50.0, 0.0, 20.0, 0.0, time, 0.1))[5]
 
     assert dry(99.94) == 0.0
     assert dry(99.975) == pytest.approx(0.05 * 0.25, rel=1e-3)
@@ -351,7 +339,7 @@ def test_drift_before_its_start_is_none() -> None:
     drift = CATALOGUE["coulomb_drift"]
     assert issubclass(drift, StaticEffect)
     for tau in (0.0, 300.0):
-        assert drift.contribution(1.0e-3, tau, 1.0e9, 0.0, 50.0, 0.0, 20.0, 0.0, 0.0, 0.1)[5] == 0.0
+        assert drift.contribution(1.0e-3, (tau, 1.0e9, 0.0), Moment(50.0, 0.0, 20.0, 0.0, 0.0, 0.1))[5] == 0.0
 
 
 @pytest.mark.parametrize("current", [-0.1, 0.0, 0.1])
@@ -359,7 +347,7 @@ def test_at_rest_the_current_says_which_way(current: float) -> None:
     """A wheel at rest has the viscous friction of the direction in which its current would move it."""
     asymmetry = CATALOGUE["viscous_asymmetry"]
     assert issubclass(asymmetry, StaticEffect)
-    part = asymmetry.contribution(2e-4, 0.0, 0.0, 0.0, 0.0, current, 20.0, 0.0, 0.0, 0.1)
+    part = asymmetry.contribution(2e-4, NO_SHAPE, Moment(0.0, current, 20.0, 0.0, 0.0, 0.1))
     assert part == (0.0, 0.0, 2e-4 * float(np.sign(current)), 0.0, 0.0, 0.0)
 
 
@@ -369,13 +357,13 @@ def test_compiled_and_plain_are_bitwise_equal(effect: type[StaticEffect]) -> Non
     """Numba takes an effect's functions as they are, and gives the same numbers to the last bit."""
     compiled = njit(effect.contribution)
     for a, shape, at in cases(effect):
-        assert compiled(a, *shape, *at) == effect.contribution(a, *shape, *at)
+        assert compiled(a, shape, at) == effect.contribution(a, shape, at)
         if effect.is_proportional():  # its slope is no function of its own
-            assert compiled(1.0, *shape, *at) == effect.slope(a, *shape, *at)
+            assert compiled(1.0, shape, at) == effect.slope(a, shape, at)
     if not effect.is_proportional():
         compiled = njit(effect.slope)
         for a, shape, at in cases(effect):
-            assert compiled(a, *shape, *at) == effect.slope(a, *shape, *at)
+            assert compiled(a, shape, at) == effect.slope(a, shape, at)
 
 
 @pytest.mark.parametrize("law", [0, 1, 2])
@@ -386,7 +374,7 @@ def test_another_stribeck_curve_is_the_simulated_wheels(law: int) -> None:
     for _ in range(DRAWS):
         speed, omega = float(rng.uniform(0.1, 3.0)), float(rng.uniform(-4.0, 4.0))
         p = EFFECTS["stribeck_shape"](speed_rad_s=speed, law=name).applied_to(PlantParameters())  # type: ignore[call-arg]
-        expected = plant_acceleration(p, Conditions(omega, 0.05, 20.0, 0.0, 0.0, 0.0))
+        expected = plant_acceleration(p, Moment(omega, 0.05, 20.0, 0.0, 0.0, 0.0))
         assert acceleration(omega, K * 0.05, B, C, S, speed, law) == pytest.approx(expected, rel=1e-12)
 
 
@@ -423,8 +411,8 @@ def test_a_pair_is_told_as_amplitude_and_phase(effect: type[StaticEffect]) -> No
     assert isinstance(amplitude["value"], float)
     assert isinstance(phase["value"], float)
     for _, _, at in cases(effect):
-        both = effect.contribution(sine, *shape, *at)[1] + effect.contribution(cosine, *quarter, *at)[1]
-        one = effect.contribution(amplitude["value"], 2.0, phase["value"], 0.0, *at)[1]
+        both = effect.contribution(sine, shape, at)[1] + effect.contribution(cosine, quarter, at)[1]
+        one = effect.contribution(amplitude["value"], (2.0, phase["value"], 0.0), at)[1]
         assert one == pytest.approx(both, abs=1e-14)
     assert "%" in Term(effect, (sine, cosine), (0.0, 0.0), shape).sentence(covariance, WHEEL)
     assert Term.of(effect, shape).described(covariance)["phase_rad"]["std"] is None

@@ -19,7 +19,8 @@ from rw_ekf.effects.catalogue import CATALOGUE, with_own
 from rw_ekf.effects.own_effect import OwnEffect, effect_of
 from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.model.effect import Effect, Term
+from rw_ekf.model.effect import NO_SHAPE, Effect, Term
+from rw_ekf.model.moment import Moment
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
@@ -88,8 +89,12 @@ def test_the_daemon_s_filter_is_the_compiled_one(effect: type[OwnEffect]) -> Non
 def test_a_drag_without_a_speed_in_it_is_dry_friction() -> None:
     """It holds a wheel at rest: break-away is later by it."""
     effect = own("drag", "a")
-    assert effect.contribution(0.1, 0, 0, 0, 5.0, 0.0, 20.0, 0.0, 0.0, 0.1) == pytest.approx((0, 0, 0, 0, 0, 0.1))
-    assert effect.contribution(0.1, 0, 0, 0, 0.0, 0.0, 20.0, 0.0, 0.0, 0.1) == pytest.approx((0, 0, 0, 0, 0, 0.1))
+    assert effect.contribution(0.1, NO_SHAPE, Moment(5.0, 0.0, 20.0, 0.0, 0.0, 0.1)) == pytest.approx(
+        (0, 0, 0, 0, 0, 0.1)
+    )
+    assert effect.contribution(0.1, NO_SHAPE, Moment(0.0, 0.0, 20.0, 0.0, 0.0, 0.1)) == pytest.approx(
+        (0, 0, 0, 0, 0, 0.1)
+    )
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import FORMULAS
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.model.friction import stribeck
+from rw_ekf.model.moment import Moment
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
 from rw_ekf.wheel.dispatch import STATIC_EFFECTS
@@ -59,9 +60,8 @@ def amperes(effects: EffectSet, estimate: Estimate, x: Float64Array, current_A: 
     assert estimate.conditions is not None
     table, total = effects.table(), 0.0
     for at, code, shape in zip(table.static_at, table.static_code, table.static_shape, strict=True):
-        total += STATIC_EFFECTS[code].contribution(
-            float(x[at]), *shape, float(x[0]), current_A, *estimate.conditions[:2], estimate.time_s, 0.0
-        )[0]
+        now = Moment(float(x[0]), current_A, *estimate.conditions[:2], estimate.time_s, 0.0)
+        total += STATIC_EFFECTS[code].contribution(float(x[at]), shape, now)[0]
     return total
 
 

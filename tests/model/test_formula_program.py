@@ -14,6 +14,7 @@ from numba import njit
 import rw_ekf.wheel.equations  # noqa: F401 - registers the functions with numba
 from rw_ekf.checking.formula import LONGEST, ONE_ARGUMENT, parsed
 from rw_ekf.model.formula_program import formula_size, formula_value, program_of
+from rw_ekf.model.moment import Moment
 
 NUMBERS = {"a": 1.0, "w": 7.0}
 FUNCTIONS: dict[str, Any] = {
@@ -25,14 +26,14 @@ FUNCTIONS: dict[str, Any] = {
 @njit  # type: ignore[untyped-decorator]
 def compiled(program: Any, omega: float, current: float) -> tuple[float, float]:
     """The same by numba."""
-    found: tuple[float, float] = formula_value(program, 0, program.size, omega, current, 21.0, 0.5, 3.0)
+    found: tuple[float, float] = formula_value(program, 0, program.size, Moment(omega, current, 21.0, 0.5, 3.0, 0.0))
     return found
 
 
 def of_text(text: str, omega: float, current: float) -> tuple[float, float]:
     """Value and slope as the filter has them."""
     program = program_of(parsed(text, NUMBERS), NUMBERS)
-    return formula_value(program, 0, len(program), omega, current, 21.0, 0.5, 3.0)
+    return formula_value(program, 0, len(program), Moment(omega, current, 21.0, 0.5, 3.0, 0.0))
 
 
 def by_python(text: str, omega: float, current: float) -> float:
@@ -96,12 +97,13 @@ def test_what_has_no_value_adds_nothing(text: str) -> None:
     assert math.isnan(of_text(text, 0.0, 0.0)[0])
     program = np.array(program_of(parsed(text, ()), {}))
     assert math.isnan(compiled(program, 0.0, 0.0)[0])
-    assert formula_size(program, 0, program.size, 1.0, False, 0.0, 0.0, 20.0, 0.0, 0.0) == (0.0, 0.0)
+    assert formula_size(program, 0, program.size, 1.0, False, Moment(0.0, 0.0, 20.0, 0.0, 0.0, 0.0)) == (0.0, 0.0)
 
 
 def test_a_value_without_a_slope_is_level() -> None:
     """The root of the speed has a value at rest; its tangent there is none that a filter may use."""
-    assert formula_size(program_of(parsed("sqrt(omega)", ()), {}), 0, 2, 1.0, False, 0.0, 0.0, 0.0, 0.0, 0.0) == (0, 0)
+    at_rest = Moment(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert formula_size(program_of(parsed("sqrt(omega)", ()), {}), 0, 2, 1.0, False, at_rest) == (0, 0)
 
 
 @pytest.mark.parametrize("shape", ["left", "right", "both"])
@@ -120,7 +122,7 @@ def test_no_formula_that_may_be_written_needs_more_room_than_there_is(shape: str
 def test_a_drag_is_the_same_either_way_round() -> None:
     """Asked for with the size of the speed and the current along the motion; its slope is that by the speed."""
     program = program_of(parsed("omega**2 + current", ()), {})
-    forward = formula_size(program, 0, len(program), 1.0, True, 3.0, 0.2, 20.0, 0.0, 0.0)
-    backward = formula_size(program, 0, len(program), -1.0, True, -3.0, -0.2, 20.0, 0.0, 0.0)
+    forward = formula_size(program, 0, len(program), 1.0, True, Moment(3.0, 0.2, 20.0, 0.0, 0.0, 0.0))
+    backward = formula_size(program, 0, len(program), -1.0, True, Moment(-3.0, -0.2, 20.0, 0.0, 0.0, 0.0))
     assert forward == pytest.approx((9.2, 6.0))
     assert backward == pytest.approx((9.2, -6.0))

@@ -61,7 +61,7 @@ class Case(NamedTuple):
 def run(kind: int, case: Case, duration: float) -> tuple[float, float]:
     """The flow of either effect."""
     effect = FrictionLag if kind == LAG else PreslidingHysteresis
-    return effect.flow(case.omega, case.memory, case.drive, case.curve, case.size, DAMPING, 0.0, 0.0, duration)
+    return effect.flow(case.omega, case.memory, case.drive, case.curve, case.size, (DAMPING, 0.0, 0.0), duration)
 
 
 def exact(kind: int, case: Case, duration: float) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.model.effect import REFERENCE_DEGC, Effect, Term
 from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
+from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import number_text
 
 if TYPE_CHECKING:
@@ -130,13 +131,13 @@ def _remembered(
 def _acceleration(terms: tuple[Term, ...], model: WheelModel, place: _Place) -> float:
     """What the terms of a static effect add to the acceleration [rad/s^2] at one place."""
     total, speed, known = 0.0, place.speed_rad_s, model.parameters
+    at = Moment(speed, place.current_A, place.temperature_degC, place.angle_rad, place.time_s, _SHORT_S)
     for term in terms:
         effect: Any = term.effect
         for number, value in enumerate(term.values):
             current, external, viscous, viscous_factor, dry_factor, dry = effect.contribution(
-                value, *effect.component_shape(term.shape, number), speed, place.current_A, place.temperature_degC,
-                place.angle_rad, place.time_s, _SHORT_S,
-            )  # fmt: skip
+                value, effect.component_shape(term.shape, number), at
+            )
             total += known.motor_gain * current + external - (known.viscous * viscous_factor + viscous) * speed
             total -= float(np.sign(speed)) * (known.coulomb * dry_factor + dry)
     return total

@@ -8,6 +8,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, of_coulomb, top_speed
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.model.moment import Moment
 
 
 class SealDrag(StaticEffect):
@@ -34,14 +35,11 @@ class SealDrag(StaticEffect):
         return 10.0 * dry_scale(facts) / math.sqrt(top_speed(facts))
 
     @staticmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
+    def contribution(a: float, q: Shape, at: Moment) -> Contribution:
         """-f linearised at omega: slope a / (2 sqrt|omega|)."""
-        speed = max(abs(omega), 1.0e-3)
+        speed = max(abs(at.omega), 1.0e-3)
         slope = 0.5 * a / math.sqrt(speed)
-        return 0.0, -a * math.copysign(math.sqrt(speed), omega) + slope * omega, slope, 0.0, 0.0, 0.0
+        return 0.0, -a * math.copysign(math.sqrt(speed), at.omega) + slope * at.omega, slope, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
