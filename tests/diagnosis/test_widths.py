@@ -8,8 +8,8 @@ from functools import lru_cache
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.hypotheses.other_starts import in_deepest_valleys
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
-from rw_ekf.diagnosis.hypotheses.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.investigate.widths import with_free_shapes, with_open_noise, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of

@@ -16,7 +16,7 @@ import pytest
 from numba import njit
 
 import rw_ekf.effects
-from rw_ekf.diagnosis.hypotheses.laws import has_laws
+from rw_ekf.diagnosis.hypotheses.other_starts import has_laws
 from rw_ekf.drivers.sim.plant_effects import EFFECTS
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_terms import (

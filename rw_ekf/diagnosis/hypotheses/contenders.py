@@ -12,7 +12,7 @@ from dataclasses import replace
 from rw_ekf.diagnosis.hypotheses.candidates import Score, p_value, threshold
 from rw_ekf.diagnosis.hypotheses.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.hypotheses.event import fitted_at, fitted_event, settled_event
-from rw_ekf.diagnosis.hypotheses.other_places import possible_fit
+from rw_ekf.diagnosis.hypotheses.other_starts import possible_fit
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same, quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
-from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
 from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.other_starts import has_laws
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.open_law import with_open_law

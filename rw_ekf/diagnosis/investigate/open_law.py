@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.diagnosis.hypotheses.laws import LAW, with_each_law
+from rw_ekf.diagnosis.hypotheses.other_starts import LAW, with_each_law
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit

@@ -13,11 +13,9 @@ from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
 from rw_ekf.diagnosis.hypotheses.grounds import Nameless
-from rw_ekf.diagnosis.hypotheses.laws import by_likeliest_law
-from rw_ekf.diagnosis.hypotheses.other_places import lower_valley
+from rw_ekf.diagnosis.hypotheses.other_starts import by_likeliest_law, in_deepest_valleys, lower_valley
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
-from rw_ekf.diagnosis.hypotheses.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
 from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import (

@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.checks.heldout import Performance, gain_over, percent_bett
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import left_over, residual_tests
 from rw_ekf.diagnosis.hypotheses.candidates import threshold
-from rw_ekf.diagnosis.hypotheses.laws import LAW
+from rw_ekf.diagnosis.hypotheses.other_starts import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Trial
 from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found

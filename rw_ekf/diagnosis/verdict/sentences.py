@@ -11,7 +11,7 @@ import numpy as np
 from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import telling_figure
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
-from rw_ekf.diagnosis.hypotheses.laws import LAW
+from rw_ekf.diagnosis.hypotheses.other_starts import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.investigate.found import Found
