@@ -75,6 +75,18 @@ class Prediction(NamedTuple):
     rows: Float64Array  # (n, m) slopes by the state, (n, 2 m) with those of a memory behind, or (0, m)
 
 
+@by_identity
+class _Scratch(NamedTuple):
+    """What a pass writes on; states (n,)."""
+
+    state: Float64Array  # where an interval begins
+    end: Float64Array  # where it ends
+    point: Float64Array  # beside the state, for a difference
+    up: Float64Array  # where the interval ends from there
+    down: Float64Array
+    row: Float64Array  # (`row_size`,)
+
+
 def _one_step_pass(
     x: Float64Array,
     table: EffectTable | None,
@@ -91,10 +103,8 @@ def _one_step_pass(
     table is None.
     """
     n = x.size
-    _predict_each(
-        x, table, stribeck, course, follows, trajectory, out,
-        x.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(row_size(n)),
-    )  # fmt: skip
+    scratch = _Scratch(x.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(row_size(n)))
+    _predict_each(x, table, stribeck, course, follows, trajectory, out, scratch)
 
 
 def _propagate(
@@ -111,17 +121,42 @@ def _propagate(
         effect_interval(state, table, stribeck, pieces, between, slopes, row, end)
 
 
+def _begin_hidden(state: Any, at: int, lag_at: int, course: Course, i: int, rests: bool, coulomb: float) -> None:
+    """Where nothing leads to sample i: a memory that is settled, at the begin of a log a current that is.
+
+    at, lag_at: of the memory and the lagging current in the state, or `ABSENT`.
+    """
+    if lag_at >= 0 and (i == 0 or course.segment[i] != course.segment[i - 1]):
+        state[lag_at] = course.pieces.current_A[max(course.piece_start[i] - 1, course.first_piece[i])]
+    if at >= 0:
+        state[at] = 0.0 if rests else math.copysign(coulomb, state[SPEED])
+
+
+def _differ(
+    scratch: _Scratch, table: EffectTable | None, stribeck: Stribeck, pieces: Pieces, between: Interval, moved: int,
+    h: float,
+) -> None:  # fmt: skip
+    """Where the interval leads, in `up` and `down`, with one number of the state greater and less by h."""
+    state, _, point, up, down, row = scratch
+    for j in range(state.size):
+        point[j] = state[j]
+    point[moved] = state[moved] + h
+    _propagate(point, table, stribeck, pieces, between, False, row, up)
+    point[moved] = state[moved] - h
+    _propagate(point, table, stribeck, pieces, between, False, row, down)
+
+
 def _predict_each(
     x: Any, table: EffectTable | None, stribeck: Stribeck, course: Course, follows: Any, trajectory: Trajectory,
-    out: Prediction, state: Any, ended: Any, up: Any, down: Any, point: Any, row: Any,
+    out: Prediction, scratch: _Scratch,
 ) -> None:  # fmt: skip
-    """The pass itself; it allocates nothing (see `make_jitable`). state (n,) holds x, what follows it is scratch."""
-    pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
+    """The pass itself; it allocates nothing (see `make_jitable`). The state of `scratch` holds x."""
+    pieces = course.pieces
     speed, spread, memory, memory_spread, _ = trajectory
-    end, memory_end, slopes, bend, rows = out
+    state, ended, _, up, down, row = scratch
     n = x.size
-    analytic = rows.shape[0] > 0
-    sloped = slopes.shape[0] > 0
+    analytic = out.rows.shape[0] > 0
+    sloped = out.slopes.shape[0] > 0
     omega_s = stribeck.omega_s
     near_zero_speed = FAST_STRIBECK_SPEEDS * omega_s
     at, lag_at, hidden, has_slope = ABSENT, ABSENT, 0, True
@@ -131,15 +166,11 @@ def _predict_each(
         if table.stribeck_at >= 0:
             near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
     for i in range(course.time_s.size - 1):
-        begins = i == 0 or course.segment[i] != course.segment[i - 1]
         if not follows[i + 1] and (lag_at < 0 or course.segment[i] != course.segment[i + 1]):
             continue
         state[SPEED] = speed[i]
         if not follows[i]:
-            if lag_at >= 0 and begins:
-                state[lag_at] = pieces.current_A[max(piece_start[i] - 1, first_piece[i])]
-            if at >= 0:
-                state[at] = math.copysign(x[COULOMB], speed[i]) if abs(speed[i]) > omega_s else 0.0
+            _begin_hidden(state, at, lag_at, course, i, not abs(speed[i]) > omega_s, x[COULOMB])
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
         between = interval_after(course, i)
@@ -148,37 +179,33 @@ def _predict_each(
             state[lag_at] = ended[lag_at]
             continue
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
-        written = analytic or (sloped and has_slope and not near)
+        differs = sloped and (near or not has_slope)
+        written = analytic or (sloped and not differs)
         _propagate(state, table, stribeck, pieces, between, written, row, ended)
-        end[i + 1] = ended[SPEED]
-        if written:
-            if sloped:
-                slopes[i + 1, 0] = row[SPEED]
-            if analytic:
-                for j in range(rows.shape[1]):
-                    rows[i + 1, j] = row[j]
-        if sloped and (near or not has_slope):
-            for way in range(2 if at >= 0 else 1):
-                h = _SPREAD * (spread[i] if way == 0 else memory_spread[i])
-                moved = 0 if way == 0 else at
-                for j in range(n):
-                    point[j] = state[j]
-                point[moved] = state[moved] + h
-                _propagate(point, table, stribeck, pieces, between, False, row, up)
-                point[moved] = state[moved] - h
-                _propagate(point, table, stribeck, pieces, between, False, row, down)
-                slopes[i + 1, way] = (up[SPEED] - down[SPEED]) / (2.0 * h)
-                if at >= 0:
-                    slopes[i + 1, 2 + way] = (up[at] - down[at]) / (2.0 * h)
-                if near and way == 0:
-                    bend[i + 1] = (up[SPEED] + down[SPEED] - 2.0 * ended[SPEED]) / math.sqrt(12.0)
+        out.end[i + 1] = ended[SPEED]
+        if written and sloped:
+            out.slopes[i + 1, 0] = row[SPEED]
+        for j in range(out.rows.shape[1] if analytic else 0):
+            out.rows[i + 1, j] = row[j]
+        if differs:
+            h = _SPREAD * spread[i]
+            _differ(scratch, table, stribeck, pieces, between, SPEED, h)
+            out.slopes[i + 1, 0] = (up[SPEED] - down[SPEED]) / (2.0 * h)
+            if near:
+                out.bend[i + 1] = (up[SPEED] + down[SPEED] - 2.0 * ended[SPEED]) / math.sqrt(12.0)
+        if differs and at >= 0:
+            out.slopes[i + 1, 2] = (up[at] - down[at]) / (2.0 * h)
+            h = _SPREAD * memory_spread[i]
+            _differ(scratch, table, stribeck, pieces, between, at, h)
+            out.slopes[i + 1, 1] = (up[SPEED] - down[SPEED]) / (2.0 * h)
+            out.slopes[i + 1, 3] = (up[at] - down[at]) / (2.0 * h)
         for j in range(n - hidden, n):
             state[j] = ended[j]
         if at >= 0:
-            memory_end[i + 1] = ended[at]
+            out.memory_end[i + 1] = ended[at]
 
 
-make_jitable([_propagate, _predict_each])
+make_jitable([_propagate, _begin_hidden, _differ, _predict_each])
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
-from rw_ekf.compiled import compile_cached
+from rw_ekf.arrays import Float64Array, by_identity
+from rw_ekf.compiled import compile_cached, make_jitable
 from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 from rw_ekf.likelihood.whitening import Chain
 
@@ -35,10 +35,135 @@ _PATHS = 3  # that a fit is begun with: the particles' mean, and single ones
 _UNITS = 2.0  # nanoseconds of a particle and a sample
 
 
+@by_identity
+class _Particles(NamedTuple):
+    """Paths of the phase, each with an amplitude and a speed; arrays (m,)."""
+
+    logs: Float64Array  # of amplitudes
+    phase: Float64Array  # [rad], beyond that of the regressors
+    cosine: Float64Array
+    sine: Float64Array
+    size: Float64Array  # the amplitude
+    speed: Float64Array  # less the trajectory's
+    weight: Float64Array  # log of it
+
+
+def _begin(particles: _Particles) -> None:
+    """Phases evenly over a turn."""
+    for j in range(particles.phase.size):
+        phase = 2.0 * math.pi * ((j * 0.6180339887498949) % 1.0)
+        particles.phase[j] = phase
+        particles.cosine[j], particles.sine[j] = math.cos(phase), math.sin(phase)
+        particles.size[j] = math.exp(particles.logs[j])
+
+
+def _move(particles: _Particles, keep: float, defect: float, u: float, v: float) -> None:
+    """Carry speeds over an interval; u, v: what one unit of sine and cosine adds to it."""
+    _, _, cosine, sine, size, x, _ = particles
+    if u != 0.0 or v != 0.0:
+        for j in range(x.size):
+            x[j] = keep * x[j] + defect + size[j] * (u * cosine[j] + v * sine[j])
+    else:
+        for j in range(x.size):
+            x[j] = keep * x[j] + defect
+
+
+def _correct(particles: _Particles, reading: float, gain: float, half: float) -> None:
+    """Weigh by a reading and move towards it; half: of one over its variance."""
+    x, weight = particles.speed, particles.weight
+    for j in range(x.size):
+        e = reading - x[j]
+        weight[j] -= half * e * e
+        x[j] += gain * e
+
+
+def _walk(particles: _Particles, spread: float, normals: Float64Array) -> None:
+    """Let phases go on as the angle is lost."""
+    phase, cosine, sine = particles.phase, particles.cosine, particles.sine
+    for j in range(phase.size):
+        step = spread * normals[j]
+        phase[j] += step
+        c = cosine[j]
+        cosine[j] = c - step * (sine[j] + 0.5 * step * c)
+        sine[j] += step * (c - 0.5 * step * sine[j])
+
+
+def _weigh(weight: Float64Array, mass: Float64Array) -> tuple[float, float, float]:
+    """(largest log-weight, sum of the masses beside it, of their squares); mass (m,) becomes those."""
+    top = weight[0]
+    for j in range(1, weight.size):
+        top = max(top, weight[j])
+    mass_sum, squares = 0.0, 0.0
+    for j in range(weight.size):
+        mass[j] = math.exp(weight[j] - top)
+        mass_sum += mass[j]
+        squares += mass[j] * mass[j]
+    return top, mass_sum, squares
+
+
+def _draw_again(
+    particles: _Particles,
+    mass: Float64Array,
+    mass_sum: float,
+    normals: Float64Array,
+    order_of: Any,
+    fresh: Float64Array,
+) -> None:
+    """Resample by masses, amplitudes smoothed; order_of (m,): which each was. fresh (m,) is scratch."""
+    logs, phase, cosine, sine, size, x, weight = particles
+    m = logs.size
+    mean, square, reached, j = 0.0, 0.0, 0.0, -1
+    for slot in range(m):
+        while reached <= (slot + 0.5) / m * mass_sum and j < m - 1:
+            j += 1
+            reached += mass[j]
+        order_of[slot] = j
+        mean += logs[j] / m
+        square += logs[j] * logs[j] / m
+    wide = math.sqrt(max(square - mean * mean, 0.0) * (1.0 - _SHRINK * _SHRINK))
+    for values in (logs, x, phase):
+        for slot in range(m):
+            fresh[slot] = values[order_of[slot]]
+        for slot in range(m):
+            values[slot] = fresh[slot]
+    for slot in range(m):
+        logs[slot] = mean + _SHRINK * (logs[slot] - mean) + wide * normals[slot]
+        cosine[slot], sine[slot] = math.cos(phase[slot]), math.sin(phase[slot])
+        size[slot] = math.exp(logs[slot])
+        weight[slot] = 0.0
+
+
+def _trace(kept: Float64Array, parents: Any, knots: Float64Array, lines: Any, paths: Float64Array) -> None:
+    """Phases (k, n) of those that are left: the mean, then single ones; kept, parents (turns, m); knots (turns,).
+
+    lines (m,) is scratch.
+    """
+    turns, m = knots.size, lines.size
+    for number in range(paths.shape[0]):
+        for j in range(m):
+            lines[j] = j
+        for back in range(turns - 1, -1, -1):
+            for j in range(m):
+                lines[j] = parents[back, lines[j]]
+            if number == 0:
+                knots[back] = 0.0
+                for j in range(m):
+                    knots[back] += kept[back, lines[j]] / m
+            else:
+                knots[back] = kept[back, lines[(2 * number - 1) * m // (2 * paths.shape[0])]]
+        for i in range(paths.shape[1]):
+            place = max((i + 1.0) / _EVERY - 1.0, 0.0)
+            low = min(int(place), turns - 1)
+            high = min(low + 1, turns - 1)
+            paths[number, i] = knots[low] + (place - low) * (knots[high] - knots[low])
+
+
+make_jitable([_begin, _move, _correct, _walk, _weigh, _draw_again, _trace], inlined=True)
+
+
 def _follow(
     chain: Chain,
     regressors: Float64Array,
-    order: float,
     logs: Float64Array,
     normals: Float64Array,
     walk: float,
@@ -48,130 +173,63 @@ def _follow(
 ) -> float:
     """Log-likelihood of a chain without a memory; `logs` (particles,) of amplitudes become those of the end.
 
-    regressors (n, 2): what one unit of sine and cosine adds to each interval; walk: standard deviation of the angle in
+    regressors (n, 2): what one unit of sine and cosine adds to each interval; walk: standard deviation of the phase in
     a second [rad]. `paths` (k, n), k may be 0, become phases beyond that of the regressors [rad]: the mean of those
     particles that are left at the end, then single ones.
     """
     n, m = chain.reading.size, logs.size
-    wanted = paths.shape[0] > 0
-    rounds = n // _EVERY + 2
-    kept = np.zeros((rounds if wanted else 0, m))
-    parents = np.zeros((rounds if wanted else 0, m), dtype=np.int32)
-    phase = np.empty(m)
-    cosine, sine, size = np.empty(m), np.empty(m), np.empty(m)
-    x, weight = np.zeros(m), np.zeros(m)
+    rounds = n // _EVERY + 2 if paths.shape[0] > 0 else 0
+    kept, parents = np.zeros((rounds, m)), np.zeros((rounds, m), dtype=np.int32)
+    particles = _Particles(logs, np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.zeros(m), np.zeros(m))
     order_of, fresh, mass = np.empty(m, dtype=np.int32), np.empty(m), np.empty(m)
-    for j in range(m):
-        phase[j] = 2.0 * math.pi * ((j * 0.6180339887498949) % 1.0)
-        cosine[j], sine[j], size[j] = math.cos(phase[j]), math.sin(phase[j]), math.exp(logs[j])
+    _begin(particles)
     total, p = 0.0, 0.0
     known = False
     drawn, turn = 0, 0
     for i in range(n):
-        if not chain.follows[i]:
-            known = False
+        known = known and chain.follows[i]
         has = not math.isnan(chain.reading[i])
-        spread = order * walk * math.sqrt(chain.step_s[i])
         if known:
-            f, u, v = chain.slopes[i, 0], regressors[i, 0], regressors[i, 1]
+            f = chain.slopes[i, 0]
             p = f * f * p + q * chain.noisy_s[i] + chain.extra[i]
-            S = p + R
-            gain, half = p / S, 0.5 / S
-            y, defect = chain.reading[i], chain.defect[i]
-            if u != 0.0 or v != 0.0:
-                for j in range(m):
-                    x[j] = f * x[j] + defect + size[j] * (u * cosine[j] + v * sine[j])
-            else:
-                for j in range(m):
-                    x[j] = f * x[j] + defect
+            _move(particles, f, chain.defect[i], regressors[i, 0], regressors[i, 1])
             if has:
+                S = p + R
                 total -= 0.5 * math.log(S)
-                for j in range(m):
-                    e = y - x[j]
-                    weight[j] -= half * e * e
-                    x[j] += gain * e
-                p *= 1.0 - gain
+                _correct(particles, chain.reading[i], p / S, 0.5 / S)
+                p *= 1.0 - p / S
         elif has:
             known = True
             p = R
-            for j in range(m):
-                x[j] = chain.reading[i]
+            particles.speed[:] = chain.reading[i]
+        spread = walk * math.sqrt(chain.step_s[i])
         if spread > 0.0:
-            if drawn + m > normals.size:
-                drawn = drawn + m - normals.size
-            drawn_now = normals[drawn : drawn + m]  # with an offset in its index the loop would go one by one
-            for j in range(m):
-                step = spread * drawn_now[j]
-                phase[j] += step
-                c = cosine[j]
-                cosine[j] = c - step * (sine[j] + 0.5 * step * c)
-                sine[j] += step * (c - 0.5 * step * sine[j])
+            drawn = drawn if drawn + m <= normals.size else drawn + m - normals.size
+            _walk(particles, spread, normals[drawn : drawn + m])
             drawn += m
-        if i % _EVERY == _EVERY - 1 or i == n - 1:
-            top = weight[0]
-            for j in range(1, m):
-                top = max(top, weight[j])
-            mass_sum, squares, mean, square = 0.0, 0.0, 0.0, 0.0
+        if i % _EVERY != _EVERY - 1 and i != n - 1:
+            continue
+        top, mass_sum, squares = _weigh(particles.weight, mass)
+        if rounds > 0:
+            kept[turn, :] = particles.phase
             for j in range(m):
-                mass[j] = math.exp(weight[j] - top)
-                mass_sum += mass[j]
-                squares += mass[j] * mass[j]
-            if wanted:
-                for j in range(m):
-                    kept[turn, j] = phase[j]
-                    parents[turn, j] = j
-            if mass_sum * mass_sum < _LEAST_EFFECTIVE * m * squares or i == n - 1:
-                total += top + math.log(mass_sum / m)
-                reached, j = 0.0, -1
-                for slot in range(m):
-                    while reached <= (slot + 0.5) / m * mass_sum and j < m - 1:
-                        j += 1
-                        reached += mass[j]
-                    order_of[slot] = j
-                    mean += logs[j] / m
-                    square += logs[j] * logs[j] / m
-                wide = math.sqrt(max(square - mean * mean, 0.0) * (1.0 - _SHRINK * _SHRINK))
-                if drawn + m > normals.size:
-                    drawn = drawn + m - normals.size
-                for slot in range(m):
-                    fresh[slot] = mean + _SHRINK * (logs[order_of[slot]] - mean) + wide * normals[drawn + slot]
-                drawn += m
-                logs[:] = fresh
-                for slot in range(m):
-                    fresh[slot] = x[order_of[slot]]
-                x[:] = fresh
-                for slot in range(m):
-                    fresh[slot] = phase[order_of[slot]]
-                phase[:] = fresh
-                for slot in range(m):
-                    cosine[slot], sine[slot] = math.cos(phase[slot]), math.sin(phase[slot])
-                    size[slot] = math.exp(logs[slot])
-                    if wanted:
-                        parents[turn, slot] = order_of[slot]
-                weight[:] = 0.0
-            turn += 1
-    for number in range(paths.shape[0]):
-        knots, lines = np.zeros(turn), np.arange(m)
-        for back in range(turn - 1, -1, -1):
-            for j in range(m):
-                lines[j] = parents[back, lines[j]]
-            if number == 0:
-                for j in range(m):
-                    knots[back] += kept[back, lines[j]] / m
-            else:
-                knots[back] = kept[back, lines[(2 * number - 1) * m // (2 * paths.shape[0])]]
-        for i in range(n):
-            place = max((i + 1.0) / _EVERY - 1.0, 0.0)
-            low = min(int(place), turn - 1)
-            high = min(low + 1, turn - 1)
-            paths[number, i] = knots[low] + (place - low) * (knots[high] - knots[low])
+                parents[turn, j] = j
+        if mass_sum * mass_sum < _LEAST_EFFECTIVE * m * squares or i == n - 1:
+            total += top + math.log(mass_sum / m)
+            drawn = drawn if drawn + m <= normals.size else drawn + m - normals.size
+            _draw_again(particles, mass, mass_sum, normals[drawn : drawn + m], order_of, fresh)
+            drawn += m
+            if rounds > 0:
+                parents[turn, :] = order_of
+        turn += 1
+    _trace(kept, parents, np.zeros(turn), np.empty(m, dtype=np.int64), paths)
     return total
 
 
 def _example() -> tuple[Any, ...]:
     series, whole = np.zeros(2), np.zeros((2, 4))
     chain = Chain(np.zeros(2, np.bool_), series, series, whole, series, series, series, 0.0, series)
-    return chain, np.zeros((2, 2)), 1.0, series, series, 1.0, 1.0, 1.0, np.zeros((0, 2))
+    return chain, np.zeros((2, 2)), series, series, 1.0, 1.0, 1.0, np.zeros((0, 2))
 
 
 follow = compile_cached(_follow, [sys.modules[__name__]], _example)
@@ -236,7 +294,7 @@ class LostAngle:
         record, R = self.linearised.record, self.noise.variance
         record.work.charge(_UNITS * regressors.shape[0] * logs.size)
         walk, q = math.sqrt(R * record.period_s), ratio * R / record.period_s
-        value = follow(self.linearised.chain, regressors, order, logs, _normals(), walk, q, R, paths)
+        value = follow(self.linearised.chain, regressors, logs, _normals(), order * walk, q, R, paths)
         return float(value) + float(noise_term(self.linearised, R, ratio))
 
 

@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, by_identity
-from rw_ekf.compiled import compile_cached
+from rw_ekf.compiled import compile_cached, make_jitable
 
+State = tuple[float, float, float, float, float]  # speed, memory, and their covariance xx, xz, zz
 _LARGE = 1.0e30  # of a product: its logarithm is due
 
 
@@ -38,6 +39,66 @@ class Chain(NamedTuple):
     extra: Float64Array  # (n,) variance of a transition beyond process noise
     memory_variance: float  # of the memory where a stretch begins, 0 without one
     reading: Float64Array  # (n,) measured less trajectory, NaN where missing
+
+
+def _first(chain: Chain, i: int, R: float) -> State:
+    """What is known at the first reading of a stretch."""
+    return chain.reading[i], 0.0, R, 0.0, chain.memory_variance
+
+
+def _predicted(chain: Chain, i: int, q: float, state: State) -> State:
+    """The state over the interval that leads to sample i."""
+    x, z, pxx, pxz, pzz = state
+    a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
+    return (
+        a * x + b * z + chain.defect[i],
+        c * x + d * z + chain.memory_defect[i],
+        a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.noisy_s[i] + chain.extra[i],
+        a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz),
+        c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz),
+    )
+
+
+def _corrected(state: State, left: float, gain: float, side: float) -> State:
+    """The state with a reading that missed it by `left`; gain, side: of speed and memory."""
+    x, z, pxx, pxz, pzz = state
+    keep = 1.0 - gain
+    return x + gain * left, z + side * left, keep * pxx, keep * pxz, pzz - side * pxz
+
+
+def _carry(
+    chain: Chain, i: int, regressors: Any, memory_regressors: Any, carried: Float64Array, held: Float64Array
+) -> None:
+    """Take what regressors have made of speed, carried (m,), and memory, held (m,), to sample i."""
+    a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
+    m = carried.size
+    if memory_regressors.shape[0] > 0:
+        for j in range(m):
+            first = carried[j]
+            carried[j] = a * first + b * held[j] + regressors[i, j]
+            held[j] = c * first + d * held[j] + memory_regressors[i, j]
+    elif b == 0.0 and c == 0.0:
+        for j in range(m):
+            carried[j] = a * carried[j] + regressors[i, j]
+    else:
+        for j in range(m):
+            first = carried[j]
+            carried[j] = a * first + b * held[j] + regressors[i, j]
+            held[j] = c * first + d * held[j]
+
+
+def _add(sums: Float64Array, carried: Float64Array, left: float, weight: float) -> None:
+    """Add the products of one innovation to the lower triangle of `sums`."""
+    m = carried.size
+    for j in range(m):
+        weighted = carried[j] * weight
+        for k in range(j + 1):
+            sums[j, k] += weighted * carried[k]
+        sums[m, j] += weighted * left
+    sums[m, m] += left * left * weight
+
+
+make_jitable([_first, _predicted, _corrected, _carry, _add], inlined=True)
 
 
 def _whiten(
@@ -58,59 +119,34 @@ def _whiten(
     """
     n, m = regressors.shape
     summed = sums.shape[0] > 0
-    with_memory = memory_regressors.shape[0] > 0
     carried = np.zeros(m)
     held = np.zeros(m)
     known = False
-    x, z = 0.0, 0.0
-    pxx, pxz, pzz = 0.0, 0.0, 0.0
+    state = (0.0, 0.0, 0.0, 0.0, 0.0)
     total, count = 0.0, 0
     per_R, product = 1.0 / R, 1.0  # the product of S over R, at least one each
     for i in range(n):
-        if not chain.follows[i]:
-            known = False
+        known = known and chain.follows[i]
         has = not math.isnan(chain.reading[i])
         if not known:
             if has:
                 known = True
-                x, z = chain.reading[i], 0.0
-                pxx, pxz, pzz = R, 0.0, chain.memory_variance
+                state = _first(chain, i, R)
                 for j in range(m):
                     carried[j] = 0.0
                     held[j] = 0.0
             continue
-        a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
-        x, z = a * x + b * z + chain.defect[i], c * x + d * z + chain.memory_defect[i]
-        mixed = a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz)
-        rest = c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz)
-        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.noisy_s[i] + chain.extra[i]
-        pxz, pzz = mixed, rest
-        if with_memory:
-            for j in range(m):
-                first = carried[j]
-                carried[j] = a * first + b * held[j] + regressors[i, j]
-                held[j] = c * first + d * held[j] + memory_regressors[i, j]
-        elif b == 0.0 and c == 0.0:
-            for j in range(m):
-                carried[j] = a * carried[j] + regressors[i, j]
-        else:
-            for j in range(m):
-                first = carried[j]
-                carried[j] = a * first + b * held[j] + regressors[i, j]
-                held[j] = c * first + d * held[j]
+        state = _predicted(chain, i, q, state)
+        _carry(chain, i, regressors, memory_regressors, carried, held)
         if not has:
             continue
+        x, _, pxx, pxz, _ = state
         S = pxx + R
         weight = 1.0 / S
         gain, side = pxx * weight, pxz * weight
         left = chain.reading[i] - x
         if summed:
-            for j in range(m):
-                weighted = carried[j] * weight
-                for k in range(j + 1):
-                    sums[j, k] += weighted * carried[k]
-                sums[m, j] += weighted * left
-            sums[m, m] += left * left * weight
+            _add(sums, carried, left, weight)
         else:
             root = math.sqrt(weight)
             r[i] = left * root
@@ -119,11 +155,7 @@ def _whiten(
         for j in range(m):
             held[j] -= side * carried[j]
             carried[j] *= 1.0 - gain
-        x += gain * left
-        z += side * left
-        pzz -= side * pxz
-        pxz *= 1.0 - gain
-        pxx *= 1.0 - gain
+        state = _corrected(state, left, gain, side)
         product *= S * per_R
         count += 1
         if product > _LARGE:
@@ -175,48 +207,31 @@ def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Fl
     """
     n = chain.reading.size
     ahead = np.zeros((n, 5))  # predicted: speed, memory, and their covariance xx, xz, zz
-    state = np.zeros(n, dtype=np.int8)  # 0 nothing known, 1 the first reading, 2 predicted
-    x, z = 0.0, 0.0
-    pxx, pxz, pzz = 0.0, 0.0, 0.0
+    kind = np.zeros(n, dtype=np.int8)  # 0 nothing known, 1 the first reading, 2 predicted
+    now = (0.0, 0.0, 0.0, 0.0, 0.0)
     known = False
     for i in range(n):
         has = not math.isnan(chain.reading[i])
-        if not chain.follows[i]:
-            known = False
-        if not known:
-            if has:
-                known = True
-                state[i] = 1
-                x, z = chain.reading[i], 0.0
-                pxx, pxz, pzz = R, 0.0, chain.memory_variance
-                ahead[i, 0], ahead[i, 2], ahead[i, 4] = x, pxx, pzz
+        known = known and chain.follows[i]
+        if not known and not has:
             continue
-        a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
-        x, z = a * x + b * z + chain.defect[i], c * x + d * z + chain.memory_defect[i]
-        mixed = a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz)
-        rest = c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz)
-        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.noisy_s[i] + chain.extra[i]
-        pxz, pzz = mixed, rest
-        state[i] = 2
-        ahead[i, 0], ahead[i, 1], ahead[i, 2], ahead[i, 3], ahead[i, 4] = x, z, pxx, pxz, pzz
-        if has:
+        now = _predicted(chain, i, q, now) if known else _first(chain, i, R)
+        ahead[i, 0], ahead[i, 1], ahead[i, 2], ahead[i, 3], ahead[i, 4] = now
+        kind[i] = 2 if known else 1
+        if known and has:
+            x, _, pxx, pxz, _ = now
             S = pxx + R
-            gain, side = pxx / S, pxz / S
-            left = chain.reading[i] - x
-            x += gain * left
-            z += side * left
-            pzz -= side * pxz
-            pxz *= 1.0 - gain
-            pxx *= 1.0 - gain
+            now = _corrected(now, chain.reading[i] - x, pxx / S, pxz / S)
+        known = True
     l1, l2 = 0.0, 0.0  # adjoint of what comes later, and its expected curvature
     h11, h12, h22 = 0.0, 0.0, 0.0
     for i in range(n - 1, -1, -1):
-        if state[i] == 0:
+        if kind[i] == 0:
             variances[i, 0], variances[i, 1] = R, chain.memory_variance
             l1, l2, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0
             continue
         pxx, pxz, pzz = ahead[i, 2], ahead[i, 3], ahead[i, 4]
-        if state[i] == 2 and not math.isnan(chain.reading[i]):
+        if kind[i] == 2 and not math.isnan(chain.reading[i]):
             S = pxx + R
             gain, side = pxx / S, pxz / S
             u = 1.0 - gain  # (I - K H)' = [[u, -side], [0, 1]]
@@ -227,7 +242,7 @@ def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Fl
         means[i, 1] = ahead[i, 1] - pxz * l1 - pzz * l2
         variances[i, 0] = pxx - pxx * (h11 * pxx + h12 * pxz) - pxz * (h12 * pxx + h22 * pxz)
         variances[i, 1] = pzz - pxz * (h11 * pxz + h12 * pzz) - pzz * (h12 * pxz + h22 * pzz)
-        if state[i] == 1:
+        if kind[i] == 1:
             l1, l2, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0
             continue
         a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]

@@ -57,7 +57,7 @@ def test_particles_whose_phase_stays_integrate_over_phase_and_amplitude() -> Non
             values.append(-0.5 * float(left @ left) - 0.5 * sum_logs)
     dense = float(np.logaddexp.reduce(values)) - math.log(len(values))
     normals = np.random.default_rng(2).standard_normal(100_003)
-    found = follow(chain, regressors, order, logs, normals, 0.0, Q, R, np.zeros((0, n)))
+    found = follow(chain, regressors, logs, normals, 0.0, Q, R, np.zeros((0, n)))
     assert found == pytest.approx(dense, abs=0.5)
     weights = np.exp(np.array(values) - max(values))
     mean = float(weights @ sizes / weights.sum())
