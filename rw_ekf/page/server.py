@@ -155,34 +155,42 @@ class Watcher:
                 queue.put_nowait(_event({"kind": "behind"}))
 
 
-def page_app(place: Place, access: Access) -> Starlette:
-    """The application that a server of ASGI runs."""
+class _Answers:
+    """What each address of the page answers."""
 
-    async def page(request: Request) -> Response:
+    def __init__(self, place: Place, access: Access) -> None:
+        self._place, self._access = place, access
+
+    async def page(self, request: Request) -> Response:
+        """The page itself."""
         return FileResponse(STATIC / "page.html", media_type="text/html")
 
-    async def static(request: Request) -> Response:
+    async def static(self, request: Request) -> Response:
+        """A file of the page."""
         name = request.path_params["name"]
         return FileResponse(STATIC / name, media_type=_FILES[name]) if name in _FILES else _refusal(404, "no such file")
 
-    async def runs(request: Request) -> Response:
-        names = await run_in_threadpool(lambda: [RunFeed(path).name for path in place.runs()])
-        return JSONResponse({"runs": names, "stop": place.stop is not None, "wheels": place.wheels})
+    async def runs(self, request: Request) -> Response:
+        """Names of all runs, the newest first."""
+        names = await run_in_threadpool(lambda: [RunFeed(path).name for path in self._place.runs()])
+        return JSONResponse({"runs": names, "stop": self._place.stop is not None, "wheels": self._place.wheels})
 
-    async def history(request: Request) -> Response:
+    async def history(self, request: Request) -> Response:
+        """A run's rows so far, thinned, with its state."""
         asked = request.query_params
         try:
             span = (float(asked.get("from", "-inf")), float(asked.get("to", "inf")))
             points = min(int(asked.get("points", POINTS)), _MOST_POINTS)
         except ValueError:
             return _refusal(400, "from, to and points are numbers")
-        feed = await run_in_threadpool(place.feed, asked.get("run", ""))
+        feed = await run_in_threadpool(self._place.feed, asked.get("run", ""))
         document = await run_in_threadpool(feed.history, span, points)
         state = await run_in_threadpool(feed.state)
         return _json({**document, "state": state})
 
-    async def curve(request: Request) -> Response:
-        feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))
+    async def curve(self, request: Request) -> Response:
+        """The friction that was learned."""
+        feed = await run_in_threadpool(self._place.feed, request.query_params.get("run", ""))
         try:
             top = min(max(float(request.query_params.get("top", "100")), 1.0), 1.0e5)
         except ValueError:
@@ -190,52 +198,61 @@ def page_app(place: Place, access: Access) -> Starlette:
         found = await run_in_threadpool(lambda: feed.curve(top) or {"kind": "curve"})
         return _json(found)
 
-    async def live(request: Request) -> Response:
-        if sum(len(watcher.clients) for watcher in place.watchers.values()) >= _MOST_CLIENTS:
+    async def live(self, request: Request) -> Response:
+        """What comes new, as server-sent events."""
+        if sum(len(watcher.clients) for watcher in self._place.watchers.values()) >= _MOST_CLIENTS:
             return _refusal(503, f"{_MOST_CLIENTS} pages are open already")
-        feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))
-        watcher = place.watchers.setdefault(feed.name, Watcher(feed))
+        feed = await run_in_threadpool(self._place.feed, request.query_params.get("run", ""))
+        watcher = self._place.watchers.setdefault(feed.name, Watcher(feed))
         return StreamingResponse(_messages(watcher), media_type="text/event-stream")
 
-    async def stop(request: Request) -> Response:
-        if place.stop is None:
+    async def stop(self, request: Request) -> Response:
+        """Stop the run, for whoever has the token."""
+        if self._place.stop is None:
             return _refusal(404, "this page was opened without a configuration: rw-ekf stop --config F")
-        if not access.has_token(request):
+        if not self._access.has_token(request):
             return _refusal(403, "the address that was printed has the token that this takes")
-        place.stopping += 1
+        self._place.stopping += 1
         try:
-            return _json(await run_in_threadpool(place.stop))
+            return _json(await run_in_threadpool(self._place.stop))
         finally:
-            place.stopping -= 1
+            self._place.stopping -= 1
 
-    async def report(request: Request) -> Response:
-        feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))
+    async def report(self, request: Request) -> Response:
+        """The state of a run's report; begin one, for whoever has the token."""
+        feed = await run_in_threadpool(self._place.feed, request.query_params.get("run", ""))
         if request.method == "POST":
-            if not access.has_token(request):
+            if not self._access.has_token(request):
                 return _refusal(403, "the address that was printed has the token that this takes")
-            place.reports.begin(feed.log)
-        return _json(place.reports.state(feed.log))
+            self._place.reports.begin(feed.log)
+        return _json(self._place.reports.state(feed.log))
 
-    async def report_file(request: Request) -> Response:
-        path = place.reports.file(request.path_params["ticket"])
+    async def report_file(self, request: Request) -> Response:
+        """A report that was made."""
+        path = self._place.reports.file(request.path_params["ticket"])
         return FileResponse(path, media_type="text/html") if path else _refusal(404, "this link is over: open the run")
 
-    async def unknown(request: Request, error: Exception) -> Response:
-        return _refusal(404, str(error))
 
+async def _unknown(request: Request, error: Exception) -> Response:
+    return _refusal(404, str(error))
+
+
+def page_app(place: Place, access: Access) -> Starlette:
+    """The application that a server of ASGI runs."""
+    answers = _Answers(place, access)
     routes = [
-        Route("/", page),
-        Route("/static/{name}", static),
-        Route("/api/runs", runs),
-        Route("/api/history", history),
-        Route("/api/curve", curve),
-        Route("/api/live", live),
-        Route("/api/stop", stop, methods=["POST"]),
-        Route("/api/report", report, methods=["GET", "POST"]),
-        Route("/report/{ticket}", report_file),
+        Route("/", answers.page),
+        Route("/static/{name}", answers.static),
+        Route("/api/runs", answers.runs),
+        Route("/api/history", answers.history),
+        Route("/api/curve", answers.curve),
+        Route("/api/live", answers.live),
+        Route("/api/stop", answers.stop, methods=["POST"]),
+        Route("/api/report", answers.report, methods=["GET", "POST"]),
+        Route("/report/{ticket}", answers.report_file),
     ]
     return Starlette(
-        routes=routes, middleware=[Middleware(_Guard, access=access)], exception_handlers={BadInputError: unknown}
+        routes=routes, middleware=[Middleware(_Guard, access=access)], exception_handlers={BadInputError: _unknown}
     )
 
 
