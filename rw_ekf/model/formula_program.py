@@ -99,28 +99,40 @@ def power_of(base: float, exponent: float) -> float:
 
 def one_argument(code: int, x: float) -> tuple[float, float]:
     """(value, derivative) of a function; NaN where there is none. At 0 abs has the slope 1, and sgn is 0."""
-    value, slope = math.nan, math.nan
     if math.isnan(x):
-        return value, slope
+        return math.nan, math.nan
+    if code in (_EXP, _EXPM1, _SINH, _COSH):
+        return exponential(code, x)
+    if code in (_ASIN, _ACOS, _SQRT, _LOG, _LOG1P):
+        return of_a_range(code, x)
+    return of_any_number(code, x)
+
+
+def of_any_number(code: int, x: float) -> tuple[float, float]:
+    """The same of a function that has a value for every number."""
     if code == _NEG:
-        value, slope = -x, -1.0
-    elif code == _SIN:
-        value, slope = math.sin(x), math.cos(x)
-    elif code == _COS:
-        value, slope = math.cos(x), -math.sin(x)
-    elif code == _TAN:
+        return -x, -1.0
+    if code == _SIN:
+        return math.sin(x), math.cos(x)
+    if code == _COS:
+        return math.cos(x), -math.sin(x)
+    if code == _TAN:
         value = math.tan(x)
-        slope = 1.0 + value * value
-    elif code == _ATAN:
-        value, slope = math.atan(x), 1.0 / (1.0 + x * x)
-    elif code == _TANH:
+        return value, 1.0 + value * value
+    if code == _ATAN:
+        return math.atan(x), 1.0 / (1.0 + x * x)
+    if code == _TANH:
         value = math.tanh(x)
-        slope = 1.0 - value * value
-    elif code == _ABS:
-        value, slope = abs(x), 1.0 if x >= 0.0 else -1.0
-    elif code == _SGN:
-        value, slope = (math.copysign(1.0, x) if x != 0.0 else 0.0), 0.0
-    elif code in (_ASIN, _ACOS):
+        return value, 1.0 - value * value
+    if code == _ABS:
+        return abs(x), 1.0 if x >= 0.0 else -1.0
+    return math.copysign(1.0, x) if x != 0.0 else 0.0, 0.0
+
+
+def of_a_range(code: int, x: float) -> tuple[float, float]:
+    """The same of a function that has none beyond a range; at the end of one the slope has no bound."""
+    value, slope = math.nan, math.nan
+    if code in (_ASIN, _ACOS):
         if abs(x) <= 1.0:
             value = math.asin(x) if code == _ASIN else math.acos(x)
             if abs(x) < 1.0:
@@ -133,21 +145,24 @@ def one_argument(code: int, x: float) -> tuple[float, float]:
     elif code == _LOG:
         if x > 0.0:
             value, slope = math.log(x), 1.0 / x
-    elif code == _LOG1P:
-        if x > -1.0:
-            value, slope = math.log1p(x), 1.0 / (1.0 + x)
-    elif abs(x) <= _MOST_EXPONENT:
-        if code == _EXP:
-            value = slope = math.exp(x)
-        elif code == _EXPM1:
-            value, slope = math.expm1(x), math.exp(x)
-        elif code == _SINH:
-            value, slope = math.sinh(x), math.cosh(x)
-        else:
-            value, slope = math.cosh(x), math.sinh(x)
-    elif x < 0.0 and code in (_EXP, _EXPM1):
-        value, slope = (0.0 if code == _EXP else -1.0), 0.0
+    elif x > -1.0:
+        value, slope = math.log1p(x), 1.0 / (1.0 + x)
     return value, slope
+
+
+def exponential(code: int, x: float) -> tuple[float, float]:
+    """The same of a function that grows beyond all bounds: NaN where it is too large."""
+    if abs(x) > _MOST_EXPONENT:
+        if x < 0.0 and code in (_EXP, _EXPM1):
+            return 0.0 if code == _EXP else -1.0, 0.0
+        return math.nan, math.nan
+    if code == _EXP:
+        return math.exp(x), math.exp(x)
+    if code == _EXPM1:
+        return math.expm1(x), math.exp(x)
+    if code == _SINH:
+        return math.sinh(x), math.cosh(x)
+    return math.cosh(x), math.sinh(x)
 
 
 def two_arguments(code: int, x: float, y: float) -> tuple[float, float, float]:

@@ -227,6 +227,33 @@ def _chain_memory(
             _chain_static(x, table, row, to, at, row[of + 2], row[of + 3], row[of + 4] + row[of + 5])
 
 
+def _begin(x: Any, table: EffectTable, slopes: bool, row: Any, end: Any) -> None:
+    """An interval's end where it begins, and the slopes of the speed by the state there."""
+    n = table.size
+    for j in range(n):
+        end[j] = x[j]
+        if slopes:
+            row[j] = 1.0 if j == SPEED else 0.0
+    if slopes and table.memory_at >= 0:
+        for j in range(n):
+            row[j] = row[n + j] = 0.0
+
+
+def _lag(x: Any, table: EffectTable, end: Any, current: float, at: float, left: float) -> tuple[float, float]:
+    """(length, mean current) of the next step under a current that lags behind; its state in `end` goes on with it.
+
+    at: time now [s]; left: until the current that is commanded ends [s].
+    """
+    tau = x[table.lag_at]
+    h = left
+    if tau > 0.0:
+        h = min(left, max(0.5 * tau, left / _LAG_STEPS))
+        if at + h <= at:  # of a lag of next to nothing: a step that moves no time would be taken for ever
+            h = left
+    mean, end[table.lag_state_at] = lagged(table.lag_code, tau, table.lag_shape, end[table.lag_state_at], current, h)
+    return h, mean
+
+
 def effect_interval(
     x: Any, table: EffectTable, stribeck: Stribeck, pieces: Pieces, interval: Interval, slopes: bool, row: Any, end: Any
 ) -> None:
@@ -241,14 +268,7 @@ def effect_interval(
     from_s, to_s, temperature, angle, first, start, stop, columns = interval
     stribeck = stribeck_of(x, table, stribeck)
     begins, durations, currents = pieces
-    n = table.size
-    for j in range(n):
-        end[j] = x[j]
-        if slopes:
-            row[j] = 1.0 if j == SPEED else 0.0
-    if slopes and table.memory_at >= 0:
-        for j in range(n):
-            row[j] = row[n + j] = 0.0
+    _begin(x, table, slopes, row, end)
     delay = lateness(x, table)
     piece = start
     while piece > first and begins[piece] > from_s - delay:
@@ -266,14 +286,7 @@ def effect_interval(
             h = left
             current = currents[piece]
             if table.lag_at >= 0:
-                tau = x[table.lag_at]
-                if tau > 0.0:
-                    h = min(left, max(0.5 * tau, left / _LAG_STEPS))
-                    if at + h <= at:  # of a lag of next to nothing: a step that moves no time would be taken for ever
-                        h = left
-                current, end[table.lag_state_at] = lagged(
-                    table.lag_code, tau, table.lag_shape, end[table.lag_state_at], current, h
-                )
+                h, current = _lag(x, table, end, current, at, left)
             moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h, columns)
             terms, drive, curve = driven_by(x, table, stribeck, moment)
             before = omega
