@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits, WirePacket
 from rw_ekf.drivers.line.packets import packets_of
-from rw_ekf.drivers.line.serial_port import open_serial_port
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.shared_port import OpenPort
 from rw_ekf.drivers.line.wheel_registers import registers_beside
 from rw_ekf.drivers.line.wire_map import WireMap
@@ -72,25 +74,55 @@ class RegisterProtocol:
         control: ControlLines = USUAL_LINES,
         previous: WheelDriver | None = None,
     ) -> WheelDriver:
-        """Open a wheel on a serial port, as `open_serial_wheel`."""
-        return open_serial_wheel(
-            port,
-            self.wire_map,
-            clock,
-            reply_timeout_s,
-            baud=baud,
-            probe=probe,
-            exclusive=exclusive,
-            control=control,
-            previous=previous if isinstance(previous, SerialWheel) else None,
-            open_port=self.open_port,
+        """Open a wheel on a serial port. Raises DriverError: no such port, busy, no permission, no answer.
+
+        probe: wait up to 2 s for a first valid reply. baud: None: the wire map's.
+        """
+        lost = previous if isinstance(previous, SerialWheel) else None
+        if lost is not None:
+            lost.close()
+        link = self.wire_map.link
+        settings = PortSettings(port, baud if baud is not None else link.baud, link, exclusive, control)
+        counters, past = (None, None) if lost is None else (lost.link, lost.clock)
+        line = self.wire_map.open_line(settings, reply_timeout_s, clock, counters, self.open_port)
+        wheel = SerialWheel(line, self.wire_map, clock, past)
+        if lost is not None:
+            wheel.go_on_from(lost)
+        try:
+            if probe:
+                wheel.probe()
+        except BaseException:
+            wheel.close()
+            raise
+        if lost is not None:
+            wheel.link.reconnects += 1
+        return wheel
+
+    def serve(
+        self,
+        plant: Any,
+        link_path: str | Path,
+        *,
+        speed_factor: float = 1.0,
+        on_ready: Callable[[str], None] | None = None,
+        stop: threading.Event | Callable[[], bool] | None = None,
+        duration_s: float | None = None,
+        **options: Any,
+    ) -> None:
+        """Serve a simulated wheel with these registers, as `rw_ekf.drivers.sim.pty_server.serve_electronics`.
+
+        options: of `simulated`.
+        """
+        from rw_ekf.drivers.sim.pty_server import serve_electronics
+
+        serve_electronics(
+            self.simulated(plant, **options),
+            link_path,
+            speed_factor=speed_factor,
+            on_ready=on_ready,
+            stop=stop,
+            duration_s=duration_s,
         )
-
-    def serve(self, plant: Any, link_path: str, **options: Any) -> None:
-        """Serve a simulated wheel with these registers, as `rw_ekf.drivers.sim.pty_server.serve_simulated_wheel`."""
-        from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
-
-        serve_simulated_wheel(self.wire_map, plant, link_path, electronics=self.electronics, **options)
 
     def simulated(self, plant: Any, **options: Any) -> RegisterServer:
         """The electronics of such a wheel, as `rw_ekf.drivers.sim.pty_server.ServedWheel` has the options."""

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from rw_ekf.clock import Clock
-from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, is_plausible
-from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
-from rw_ekf.drivers.line.shared_port import OpenPort
 from rw_ekf.drivers.line.wheel_clock import WheelClock
 from rw_ekf.drivers.line.wheel_registers import (
     FLAG_RESET,
@@ -34,7 +31,7 @@ _PLACES = 6  # of a host's time [s]: a microsecond is far below what a line tell
 
 
 class SerialWheel:
-    """A WheelDriver on a line. Made by open_serial_wheel."""
+    """A WheelDriver on a line."""
 
     def __init__(self, link: Line, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
         self.source = link.name
@@ -241,6 +238,12 @@ class SerialWheel:
             self.clock.begin_segment("wheel_restarted", "the wheel restarted: its status says so")
         return True
 
+    def go_on_from(self, previous: SerialWheel) -> None:
+        """Take over what was known of the wheel that was lost on this port."""
+        self.identity = previous.identity if previous.identity is not None else previous._expected
+        self.doubt_identity()
+        self._opened_s = previous._opened_s
+
     def doubt_identity(self) -> None:
         """Another wheel may answer from now on: ask before the next sample. Until it says, it has no identity."""
         if self.identity is not None and self.identity.serial_number is not None:
@@ -277,47 +280,6 @@ class SerialWheel:
             serial_number=_whole(values.get("serial_number")),
             uptime_s=values.get("uptime"),
         )
-
-
-def open_serial_wheel(
-    port: str,
-    wire_map: WireMap,
-    clock: Clock,
-    reply_timeout_s: float | None = None,
-    *,
-    baud: int | None = None,
-    probe: bool = True,
-    previous: SerialWheel | None = None,
-    exclusive: bool = True,
-    control: ControlLines = USUAL_LINES,
-    open_port: OpenPort = open_serial_port,
-) -> SerialWheel:
-    """Open a wheel. Default timeout and baud are the wire map's.
-
-    probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
-    segments go on from it. exclusive: refuse a port that another process has locked. control: what DTR and RTS are set
-    to. open_port: opens it in pyserial's place. Raises DriverError: no such port, busy, no permission, no answer.
-    """
-    if previous is not None:
-        previous.close()
-    counters = previous.link if previous is not None else None
-    timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.link.reply_timeout_s
-    settings = PortSettings(port, baud if baud is not None else wire_map.link.baud, wire_map.link, exclusive, control)
-    line = wire_map.open_line(settings, timeout_s, clock, counters, open_port)
-    wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
-    if previous is not None:
-        wheel.identity = previous.identity if previous.identity is not None else previous._expected
-        wheel.doubt_identity()
-        wheel._opened_s = previous._opened_s
-    try:
-        if probe:
-            wheel.probe()
-    except BaseException:
-        wheel.close()
-        raise
-    if previous is not None:
-        wheel.link.reconnects += 1
-    return wheel
 
 
 def _whole(value: float | None) -> int | None:

@@ -85,43 +85,12 @@ class PtyServer:
         return min((due_s - now_s) / self._factor, STOP_POLL_S) if math.isfinite(due_s) else STOP_POLL_S
 
 
-def serve_simulated_wheel(
-    wire_map: WireMap,
-    parameters: PlantParameters,
-    link_path: str | Path,
-    *,
-    seed: int = 0,
-    speed_factor: float = 1.0,
-    noise: PlantNoise | None = None,
-    initial_speed_rad_s: float = 0.0,
-    on_ready: Callable[[str], None] | None = None,
-    stop: threading.Event | Callable[[], bool] | None = None,
-    duration_s: float | None = None,
-    faults: Sequence[Fault] = (),
-    law: Advance = advance,
-    electronics: type[RegisterServer] = RegisterServer,
-) -> None:
-    """Serve a simulated wheel at `link_path` until SIGINT, SIGTERM or SIGHUP, `stop`, or duration_s [s] of host time.
-
-    on_ready: called with the device's path when a client can open the link. Signals are handled in the main thread
-    only. law: of the plant's motion, where it has a formula of a user's own. electronics: of
-    another family of wheels. Raises DriverError where the link cannot
-    be made, BadInputError for a fault of what the map does not have.
-    """
-    served = ServedWheel(wire_map, parameters, seed, noise, initial_speed_rad_s, faults, law, electronics)
-    serve_electronics(
-        served.made(),
-        link_path,
-        speed_factor=speed_factor,
-        on_ready=on_ready,
-        stop=stop,
-        duration_s=duration_s,
-    )
-
-
 @dataclass(frozen=True)
 class ServedWheel:
-    """A wheel to be simulated; its fields are the options of `serve_simulated_wheel`."""
+    """A wheel to be simulated.
+
+    law: of the plant's motion, where it has a formula of a user's own. electronics: of another family of wheels.
+    """
 
     wire_map: WireMap
     parameters: PlantParameters
@@ -153,7 +122,11 @@ def serve_electronics(
     stop: threading.Event | Callable[[], bool] | None = None,
     duration_s: float | None = None,
 ) -> None:
-    """Serve one wheel's electronics, or a bus of them, as `serve_simulated_wheel` does."""
+    """Serve a wheel's electronics, or a bus of them, until SIGINT, SIGTERM or SIGHUP, `stop`, or the end of duration_s.
+
+    duration_s: of host time [s]. on_ready: called with the device's path when a client can open the link. Signals are
+    handled in the main thread only. Raises DriverError where the link cannot be made.
+    """
     asked = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
     end_s = None if duration_s is None else time.monotonic() + duration_s
     with _signals() as (signalled, wake):

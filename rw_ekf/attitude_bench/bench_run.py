@@ -20,7 +20,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.control.compensation.scheme import CompensatedController, Compensation, Knowledge
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live_wheel import LiveWheel
+from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.loop import run_loop
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Tick
@@ -190,7 +190,9 @@ def run_bench(
         _let_age(scenario, wheel, plant, clock)
     limits = SafetyLimits(cycle.current_A, cycle.slew_A_per_s, rad_s_from_rpm(1e5), 500.0, 10.0)
     with StopSignal() as stop:
-        live = LiveWheel(lambda lost: wheel, limits, rate_hz, stop, clock, speed_step_rad_s=rad_s_from_rpm(noise_rpm))
+        live = LiveWheel(
+            Place(lambda lost: wheel), limits, rate_hz, stop, clock, speed_step_rad_s=rad_s_from_rpm(noise_rpm)
+        )
         controller = CompensatedController(bench.request, compensation, knowledge)
         run_loop(live.readings(lambda: scenario.lasts_s), estimator, partial(live.issue, controller), [bench])
     return bench.result()

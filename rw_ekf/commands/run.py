@@ -150,7 +150,7 @@ def run_and_report(
         from rw_ekf.commands.run_report import exit_status, report_document, report_text, warnings_of
         from rw_ekf.console import logger
         from rw_ekf.json_output import print_json
-        from rw_ekf.live.daemon import run_daemon
+        from rw_ekf.live.daemon import Task, run_daemon
         from rw_ekf.live.published_state import crashed_in_safe
         from rw_ekf.sinks.run_files import state_path
 
@@ -159,15 +159,11 @@ def run_and_report(
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
         begin_safe = crashed_in_safe(state_path(configuration)) if keep_safe else None
         outcome = run_daemon(
-            configuration,
-            protocol,
-            given,
-            args.duration,
+            Task(configuration, protocol, given, args.duration, None if planned is None else planned.commander),
             log,
             at.stop,
             at.clock,
             watched_by(heartbeat, at, log, begin_safe),
-            None if planned is None else planned.commander,
             at.claim,
         )
         warnings = warnings_of(outcome)

@@ -17,7 +17,7 @@ from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live_wheel import LiveWheel
+from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Estimate, LinkState, Outcome, Reading, Tick, WheelSample, WheelState
 from rw_ekf.units import rpm_from_rad_s
@@ -86,7 +86,7 @@ class Bench:
         self._claim.__enter__()
         try:
             self._live = LiveWheel(
-                opener(self._configuration, self._protocol, self.clock),
+                Place(opener(self._configuration, self._protocol, self.clock)),
                 SafetyLimits.of(self._configuration.limits),
                 self.rate_hz,
                 self._stop,

@@ -14,7 +14,7 @@ from rw_ekf.control.profiles.identification import law_for, sizes_of
 from rw_ekf.control.profiles.make_profile import Profile
 from rw_ekf.errors import DriverError
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.oversight import Oversight
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Controller, RunState, StateNow, Tick
@@ -41,9 +41,12 @@ def identify(work: Work) -> dict[str, Any]:
     began_s = work.clock.monotonic()
     try:
         outcome = run_daemon(
-            configuration, work.spoken(configuration), GivenModel(fresh=True), None, work.logger, work.stop, work.clock,
-            oversight=Oversight((_Impatience(work.stop, work.clock),)), planned=commander,
-        )  # fmt: skip
+            Task(configuration, work.spoken(configuration), GivenModel(fresh=True), planned=commander),
+            work.logger,
+            work.stop,
+            work.clock,
+            Oversight((_Impatience(work.stop, work.clock),)),
+        )
     finally:
         work.progress.spent(work.clock.monotonic() - began_s)
     if outcome.lost:

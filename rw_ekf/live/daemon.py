@@ -17,16 +17,15 @@ from rw_ekf.learning.run_start import GivenModel, Start, start_of_run
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.compensating import compensated, request_socket
 from rw_ekf.live.confirm_sign import confirming
-from rw_ekf.live.connection import Opener
 from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live_wheel import InSilence, LiveWheel
+from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.loop import turns
 from rw_ekf.live.outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.process import own_process
 from rw_ekf.live.published_place import leave_place
-from rw_ekf.live.stop_signal import RESUME, StopSignal
+from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.watches import RunWatches, expectation_of
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.records import Reading
@@ -43,19 +42,26 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 
+@dataclass(frozen=True)
+class Task:
+    """What a run is to do."""
+
+    configuration: Configuration
+    protocol: WheelProtocol
+    given: GivenModel
+    duration_s: float | None = None
+    planned: Commander | None = None  # what is commanded, in place of what the configuration asks for
+
+
 def run_daemon(
-    configuration: Configuration,
-    protocol: WheelProtocol,
-    given: GivenModel,
-    duration_s: float | None,
+    task: Task,
     logger: Any,
     stop: StopSignal,
     clock: Clock,
     oversight: Oversight = ALONE,
-    planned: Commander | None = None,
     claim: PortClaim | None = None,
 ) -> RunOutcome:
-    """Attach, estimate, log, publish. planned: what is commanded, in place of what the configuration asks for.
+    """Attach, estimate, log, publish.
 
     Raises DriverError if the wheel cannot be reached at the start, BadInputError if the model given is of another one.
     Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
@@ -63,9 +69,8 @@ def run_daemon(
     """
     from rw_ekf.attach.opening import opener
 
-    place = Place(opener(configuration, protocol, clock))
-    with claim or PortClaim(configuration.wheel.port, clock):
-        task = Task(configuration, protocol, given, duration_s, planned)
+    place = Place(opener(task.configuration, task.protocol, clock))
+    with claim or PortClaim(task.configuration.wheel.port, clock):
         run = turns_of_run(task, logger, stop, clock, oversight, place)
         try:
             while True:
@@ -73,29 +78,6 @@ def run_daemon(
         except StopIteration as end:
             outcome: RunOutcome = end.value
             return outcome
-
-
-@dataclass(frozen=True)
-class Place:
-    """A wheel's place on its line: what opens it, and what it may wait for while it is silent."""
-
-    open_wheel: Opener
-    in_silence: InSilence = lambda: (True, True)
-    begins_s: Callable[[], float | None] = lambda: None  # when its first turn is due, by the clock; None: at once
-    back_at_zero_within_s: float = 0.5  # how long zero is tried on a line that was lost and is back [s]
-    label: str = ""  # what tells it from others on one terminal
-    resumed_by: int | None = RESUME  # the signal that is a word for this wheel and no other
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a run is to do, as `run_daemon` has it."""
-
-    configuration: Configuration
-    protocol: WheelProtocol
-    given: GivenModel
-    duration_s: float | None = None
-    planned: Commander | None = None
 
 
 def turns_of_run(
@@ -192,7 +174,7 @@ def _opened(
 ) -> LiveWheel:
     """The wheel on its line. Raises DriverError if it cannot be reached."""
     return LiveWheel(
-        place.open_wheel,
+        place,
         SafetyLimits.of(configuration.limits),
         configuration.loop.rate_hz,
         stop,
@@ -200,8 +182,6 @@ def _opened(
         writes=configuration.command.writes,
         note=logger.warning,
         speed_step_rad_s=max(protocol.limits.speed_step_rad_s, rad_s_from_rpm(configuration.filter.speed_noise_rpm)),
-        in_silence=place.in_silence,
-        back_at_zero_within_s=place.back_at_zero_within_s,
     )
 
 

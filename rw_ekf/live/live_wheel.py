@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.live.connection import Connection, Note, Opener
 from rw_ekf.live.guard import SafetyLimits, SpeedLimit
-from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.live.timing import SampleTime
 from rw_ekf.records import (
@@ -30,6 +30,22 @@ InSilence = Callable[[], tuple[bool, bool]]
 _REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew, so often
 
 
+@dataclass(frozen=True)
+class Place:
+    """A wheel's place on its line: what opens it, and what it may wait for while it is silent.
+
+    in_silence: what a turn may wait for then, for a reading and for the answer to a zero: both, unless others want the
+    line.
+    """
+
+    open_wheel: Opener
+    in_silence: InSilence = lambda: (True, True)
+    begins_s: Callable[[], float | None] = lambda: None  # when its first turn is due, by the clock; None: at once
+    back_at_zero_within_s: float = 0.5  # how long zero is tried on a line that was lost and is back [s]
+    label: str = ""  # what tells it from others on one terminal
+    resumed_by: int | None = RESUME  # the signal that is a word for this wheel and no other
+
+
 class LiveWheel:
     """Reads the wheel at each tick and writes what the guard allows. One of these per `run`.
 
@@ -43,7 +59,7 @@ class LiveWheel:
 
     def __init__(
         self,
-        open_wheel: Opener,
+        place: Place,
         limits: SafetyLimits,
         rate_hz: float,
         stop: StopSignal,
@@ -52,24 +68,20 @@ class LiveWheel:
         writes: bool = True,
         note: Note = lambda event, **context: None,
         speed_step_rad_s: float = 0.0,
-        in_silence: InSilence = lambda: (True, True),
-        back_at_zero_within_s: float = 0.5,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
-        speed_step_rad_s: noise or resolution of a reading. in_silence: what a turn may wait for while the wheel is
-        silent, for a reading and for the answer to a zero: both, unless others want the line. back_at_zero_within_s:
-        how long zero is tried on a line that was lost and is back [s].
+        speed_step_rad_s: noise or resolution of a reading.
         """
         self.check = TelemetryCheck(note, writes=writes)
         self._connection = Connection(
-            open_wheel,
+            place.open_wheel,
             limits,
             clock,
             note,
             writes=writes,
             speed_step_rad_s=speed_step_rad_s,
-            back_at_zero_within_s=back_at_zero_within_s,
+            back_at_zero_within_s=place.back_at_zero_within_s,
             say=lambda event, text: self.check.say(event, text),  # noqa: PLW0108 - whichever judges by then
         )
         self._silence_s = limits.silence_s
@@ -85,7 +97,7 @@ class LiveWheel:
         self.ended_at_zero = False  # closed, and the wheel confirmed zero
         self.due_s: float | None = None  # when the next turn begins, by the clock; None: at once
         self._is_over = False  # the present turn, and the next is planned
-        self._in_silence = in_silence
+        self._in_silence = place.in_silence
         self._time = SampleTime()
         self._heard_s = clock.monotonic()
         self._told_A: float | None = None  # the last current that the log and the filter were told of

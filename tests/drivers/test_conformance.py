@@ -13,13 +13,13 @@ import pytest
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.driver import WheelDriver
-from rw_ekf.drivers.line.serial_wheel import open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.replay_wheel import ReplayWheel
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.errors import DriverError, EndOfRecord
 from rw_ekf.records import IssuedCommand, WheelSample
+from tests.serial_wheels import open_serial_wheel
 
 CLOCK = SystemClock()
 

@@ -18,13 +18,12 @@ import serial
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.framing import decode, encode
-from rw_ekf.drivers.line.serial_wheel import open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.fault_text import parse_faults
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
-from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.errors import DriverError
+from tests.serial_wheels import open_serial_wheel, serve_simulated_wheel
 
 CLOCK = SystemClock()
 Served = Callable[..., AbstractContextManager[RegisterServer]]
@@ -33,12 +32,12 @@ PROGRAM = """
 import sys, yaml
 from rw_ekf.drivers.sim.fault_text import parse_faults
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
-from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
 
 wire_map = wire_map_from_mapping(yaml.safe_load(open("config/sunspace-wheel.yaml")), str)
-serve_simulated_wheel(wire_map, PlantParameters(), sys.argv[1], initial_speed_rad_s=50.0,
-                      on_ready=lambda device: print(device, flush=True))
+RegisterProtocol(wire_map).serve(PlantParameters(), sys.argv[1], initial_speed_rad_s=50.0,
+                                 on_ready=lambda device: print(device, flush=True))
 print("ended", flush=True)
 """
 

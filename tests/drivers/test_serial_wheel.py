@@ -21,13 +21,14 @@ from rw_ekf.checking.findings import Where
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.framing import Frame, decode, encode
 from rw_ekf.drivers.line.line import Exchange
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT
 from tests.injecting import put_faults
+from tests.serial_wheels import open_serial_wheel
 
 CLOCK = SystemClock()
 

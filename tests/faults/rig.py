@@ -21,7 +21,7 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, Pla
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
@@ -124,7 +124,7 @@ class LineWheel:
             if self.resumes_at_s is not None:
                 clock.at(self.resumes_at_s, stop.resume)
             self.meanwhile(clock)
-            outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
+            outcome = run_daemon(Task(configuration, protocol, given, duration_s), notes, stop, clock)
         return Ran(outcome, notes)
 
     def is_driven(self) -> bool:

@@ -6,7 +6,7 @@ import pytest
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.framing import MAX_DATA_BYTES
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import WheelSample
 from tests.faults.ports import Babbling, opening
@@ -14,6 +14,7 @@ from tests.faults.rig import EACH_FAMILY_ON_A_LINE, is_unasked, let_pass, open_t
 from tests.live.bench import Bench
 from tests.live.daemon import run
 from tests.live.test_line_faults import error_rpm, fault
+from tests.serial_wheels import open_serial_wheel
 
 pytestmark = [EACH_FAMILY_ON_A_LINE, pytest.mark.usefixtures("family")]
 

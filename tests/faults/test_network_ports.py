@@ -22,11 +22,12 @@ import serial
 from serial.rfc2217 import PortManager
 
 from rw_ekf.clock import SystemClock
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.faults.rig import EACH_FAMILY
 from tests.live.bench import Bench, wait_for
+from tests.serial_wheels import open_serial_wheel
 
 CLOCK = SystemClock()
 URLS = {"raw": "socket://127.0.0.1:{}", "rfc2217": "rfc2217://127.0.0.1:{}?ign_set_control"}

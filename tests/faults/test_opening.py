@@ -10,10 +10,11 @@ import serial
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ControlLines
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from tests.faults.rig import EACH_FAMILY_ON_A_LINE, let_pass, port_of
 from tests.live.bench import Bench, wait_for
+from tests.serial_wheels import open_serial_wheel
 
 pytestmark = [EACH_FAMILY_ON_A_LINE, pytest.mark.usefixtures("family")]
 

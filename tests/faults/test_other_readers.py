@@ -15,11 +15,12 @@ import pytest
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line import serial_port
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.faults.rig import EACH_FAMILY, port_of
 from tests.live.bench import Bench, wait_for
+from tests.serial_wheels import open_serial_wheel
 
 pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 

@@ -9,12 +9,13 @@ import yaml
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ZERO_BY_MODE, ZERO_BY_RESET
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from tests.faults.rig import EACH_FAMILY
 from tests.live.bench import ROOT, Bench, rw_ekf, served_wheel, wire_map_of
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
+from tests.serial_wheels import open_serial_wheel
 
 # Of each family but where the command is read back, which NSP does not tell.
 

@@ -25,7 +25,7 @@ from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.model.state import PARAMETERS
 from rw_ekf.records import IssuedCommand, Outcome, WheelSample
@@ -105,7 +105,7 @@ class Held:
         with StopSignal() as stop:
             for time_s, action in events:
                 self.clock.at(time_s, action)
-            outcome = run_daemon(configuration, protocol, GivenModel(), lasts_s, notes, stop, self.clock)
+            outcome = run_daemon(Task(configuration, protocol, GivenModel(), lasts_s), notes, stop, self.clock)
         return Ran(outcome, notes)
 
 

@@ -12,13 +12,14 @@ import pytest
 import serial
 
 from rw_ekf.clock import SystemClock
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.faults.ports import Failing, opening
 from tests.faults.rig import EACH_FAMILY, port_of
 from tests.live.bench import FAMILIES, Bench, open_descriptors, wait_for
 from tests.live.daemon import run
+from tests.serial_wheels import open_serial_wheel
 
 pytestmark = pytest.mark.usefixtures("family")
 

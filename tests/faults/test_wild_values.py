@@ -13,7 +13,7 @@ from rw_ekf.course.course import WILD
 from rw_ekf.driver import ZERO_BY_MODE
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register, is_plausible
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.register_server import RegisterServer
@@ -24,6 +24,7 @@ from tests.injecting import put_faults
 from tests.live.bench import FAMILIES, Bench, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
+from tests.serial_wheels import open_serial_wheel
 
 CLOCK = SystemClock()
 

@@ -15,7 +15,7 @@ from rw_ekf.clock import SystemClock, VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.logs.reader import read_log
@@ -80,9 +80,9 @@ def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = N
                 clock.at(clock.monotonic() + at_s, action)
             assert isinstance(protocol, RegisterProtocol)
             carried = bench.cable.carrying(protocol)
-            return Ran(run_daemon(configuration, carried, given, duration_s, notes, stop, clock), notes)
+            return Ran(run_daemon(Task(configuration, carried, given, duration_s), notes, stop, clock), notes)
         with _happening(bench, events):
-            outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, SystemClock())
+            outcome = run_daemon(Task(configuration, protocol, given, duration_s), notes, stop, SystemClock())
     return Ran(outcome, notes)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rw_ekf.clock import VirtualClock
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live_wheel import LiveWheel
+from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
@@ -45,7 +45,7 @@ def test_a_lost_reading_has_the_wheel_s_time() -> None:
     clock = VirtualClock()
     limits = SafetyLimits(0.1, 1.0, 1000.0, 80.0, 0.5)
     with StopSignal() as stop:
-        wheel = LiveWheel(lambda _: FastWheel(clock), limits, 50.0, stop, clock, writes=False)
+        wheel = LiveWheel(Place(lambda _: FastWheel(clock)), limits, 50.0, stop, clock, writes=False)
         samples = [reading.sample for reading in wheel.readings(lambda: RATE * 15.0) if reading.sample is not None]
     assert samples[LOST - 1].speed_rad_s is None
     times = [sample.time_s for sample in samples]

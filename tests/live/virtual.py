@@ -14,7 +14,7 @@ from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
@@ -52,7 +52,7 @@ def run(
         protocol = SimulatedProtocol(wheel)
         configuration = load_configuration(path)
         given = GivenModel(read_wheel_model(None, configuration), configuration.filter.model)
-        outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
+        outcome = run_daemon(Task(configuration, protocol, given, duration_s), notes, stop, clock)
     return Ran(outcome, notes), wheel
 
 

@@ -6,7 +6,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
@@ -40,13 +40,15 @@ def run(configuration: Configuration, plan: Plan, plant: PlantParameters, speed_
     )
     with StopSignal() as stop:
         outcome = run_daemon(
-            configuration,
-            SimulatedProtocol(wheel),
-            GivenModel(None, None),
-            None,
+            Task(
+                configuration,
+                SimulatedProtocol(wheel),
+                GivenModel(None, None),
+                None,
+                commander_for(plan, configuration),
+            ),
             Notes(),
             stop,
             clock,
-            planned=commander_for(plan, configuration),
         )
     return read_log(outcome.files.log)

@@ -29,7 +29,7 @@ from rw_ekf.control.compensation.on_wheel import WheelCompensator
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Tick
 from rw_ekf.settings.load import load_configuration
@@ -93,7 +93,10 @@ def _times_us(scheme: str | None, requests: int, turns: int) -> list[tuple[float
         wheel = SimulatedWheel(noise=noise, seed=4, initial_speed_rad_s=20.0, clock=clock, fine_step_s=0.02)
         with StopSignal() as stop, _client(path, clock, requests):
             run_daemon(
-                configuration, SimulatedProtocol(wheel), GivenModel(), turns / _RATE_HZ, logger("json"), stop, clock
+                Task(configuration, SimulatedProtocol(wheel), GivenModel(), turns / _RATE_HZ),
+                logger("json"),
+                stop,
+                clock,
             )
     return times[_WARMS_UP:]
 

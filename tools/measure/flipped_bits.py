@@ -27,7 +27,7 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.errors import RwEkfError
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.log_replay import setup_of_run
 from rw_ekf.logs.column_map import ColumnMap
@@ -73,7 +73,7 @@ def made_run(directory: Path, seconds: float = 600.0) -> Path:
     path.write_text(_CONFIGURATION.replace("DIRECTORY", str(directory)), encoding="utf-8")
     with StopSignal() as stop:
         protocol = SimulatedProtocol(wheel)
-        outcome = run_daemon(load_configuration(path), protocol, GivenModel(), seconds, Told(), stop, clock)
+        outcome = run_daemon(Task(load_configuration(path), protocol, GivenModel(), seconds), Told(), stop, clock)
     return outcome.files.log
 
 

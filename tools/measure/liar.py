@@ -38,7 +38,7 @@ from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live import guard
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import RunState
@@ -227,7 +227,7 @@ def run_draw(draw: Draw, directory: Path) -> Told:
     guard.allowed_current = noted  # type: ignore[assignment]
     try:
         with StopSignal() as stop:
-            outcome = run_daemon(configuration, protocol, GivenModel(), draw.lasts_s, _Unheard(), stop, clock)
+            outcome = run_daemon(Task(configuration, protocol, GivenModel(), draw.lasts_s), _Unheard(), stop, clock)
     finally:
         guard.allowed_current = allow
     return _told(draw, len(written), outside, fastest, outcome, plant.current_A)

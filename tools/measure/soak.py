@@ -39,7 +39,7 @@ from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.daemon import Task, run_daemon
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
@@ -113,7 +113,7 @@ def soak(plan: Plan, directory: Path, bar: Any) -> Soaked:
         observer = Observer(server, now_s, faults, stop, bar)
         with _watched_by(observer):
             configuration = load_configuration(path)
-            outcome = run_daemon(configuration, protocol, GivenModel(), 3600.0 * plan.hours, told, stop, clock)
+            outcome = run_daemon(Task(configuration, protocol, GivenModel(), 3600.0 * plan.hours), told, stop, clock)
     return Soaked(observer, outcome, told, time.monotonic() - began)
 
 
