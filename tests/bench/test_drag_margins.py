@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rw_ekf.attitude_bench.drag_margins import drag_margins
 from rw_ekf.attitude_bench.margins import margin_of
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
+from tests.bench.drag_margins import drag_margins
 
 DAMPING = 0.707
 

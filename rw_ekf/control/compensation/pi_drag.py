@@ -14,7 +14,9 @@ CASSINI_RAD_S = 2.0 * math.pi * 0.01
 CASSINI_DAMPING = 0.707
 
 
-TUNABLE = {"bandwidth_rad_s": (0.05, 5.0)}  # beyond, the bench's loop has less than 45 degrees: bench/drag_margins.py
+TUNABLE = {
+    "bandwidth_rad_s": (0.05, 5.0)
+}  # beyond, the bench's loop has less than 45 degrees: tests/bench/drag_margins.py
 
 
 @dataclass(frozen=True)
@@ -84,14 +86,3 @@ class PiDrag:
             self._estimator.step(*read)
         estimate = min(max(self._estimator.estimate, -self._limit_rad_s2), self._limit_rad_s2)
         return self._drag.asked((request_rad_s2 + estimate) / self._gain)
-
-
-def error_bound(
-    rise_per_s: float, after_s: float, bandwidth_rad_s: float = CASSINI_RAD_S, damping: float = CASSINI_DAMPING
-) -> float:
-    """A exp(-xi w T) / (w sqrt(1 - xi^2)) [L17 (6)]: bounds T_phy - T_est, T after drag began to rise by A a second.
-
-    In the unit of drag. It is the envelope: the error itself is this times sin(w sqrt(1 - xi^2) T).
-    """
-    w = bandwidth_rad_s
-    return rise_per_s * math.exp(-damping * w * after_s) / (w * math.sqrt(1.0 - damping * damping))

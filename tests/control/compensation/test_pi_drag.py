@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S, PiDrag, PiDragEstimator, PiDragParameters, error_bound
+from rw_ekf.control.compensation.pi_drag import (
+    CASSINI_DAMPING,
+    CASSINI_RAD_S,
+    PiDrag,
+    PiDragEstimator,
+    PiDragParameters,
+)
 from tests.control.compensation.bare_wheel import BELIEVED, COULOMB, GAIN, BareWheel, coulomb
 
 RISE_mNm, RISE_S = 2.5, 10.0
@@ -56,6 +62,12 @@ def test_the_estimator_is_its_differential_equation_at_uneven_intervals() -> Non
         state = solve_ivp(motion, (0.0, dt_s), state, rtol=1e-10, atol=1e-12).y[:, -1]
         found = estimator.step(float(dt_s), float(drag))
         assert found == pytest.approx(2.0 * damping * w * state[0] + w * w * state[1], abs=1e-8)
+
+
+def error_bound(rise_per_s: float, after_s: float, bandwidth_rad_s: float = CASSINI_RAD_S) -> float:
+    """A exp(-xi w T) / (w sqrt(1 - xi^2)) [L17 (6)]: bounds T_phy - T_est, T after drag began to rise by A a second."""
+    damped = math.sqrt(1.0 - CASSINI_DAMPING**2)
+    return rise_per_s * math.exp(-CASSINI_DAMPING * bandwidth_rad_s * after_s) / (bandwidth_rad_s * damped)
 
 
 def test_the_bounds_of_equation_6_are_the_printed_ones_and_hold() -> None:
