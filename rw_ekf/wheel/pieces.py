@@ -160,11 +160,20 @@ def row_size(n: int) -> int:
     return 2 * (n + _INPUTS)
 
 
-def _memory_moved(
-    which: int, h: float, table: EffectTable, a: float, omega: float, memory: float, drive: float,
-    curve: FrictionCurve, duration: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Speed and memory after a step whose input number `which` is greater by h; a: the effect's coefficient."""
+class MemoryStep(NamedTuple):
+    """What a friction with a memory begins a step with."""
+
+    omega: float
+    memory: float
+    drive: float
+    curve: FrictionCurve
+    a: float  # the effect's coefficient
+    duration: float
+
+
+def _memory_moved(which: int, h: float, table: EffectTable, step: MemoryStep) -> tuple[float, float]:
+    """Speed and memory after a step whose input number `which` is greater by h."""
+    omega, memory, drive, curve, a, duration = step
     b, c, s, omega_s, law = curve
     moved: tuple[float, float] = memory_flow(
         table.memory_code,
@@ -180,20 +189,20 @@ def _memory_moved(
 
 
 def _chain_memory(
-    x: Any, table: EffectTable, row: Any, at: Moment, terms: Terms, memory: float, drive: float, curve: FrictionCurve,
-    end_omega: float, end_memory: float,
-) -> None:  # fmt: skip
+    x: Any, table: EffectTable, row: Any, at: Moment, terms: Terms, step: MemoryStep, end: tuple[float, float]
+) -> None:
     """Carry the slopes of the speed (n,) and of the memory (n,), in `row`, over a step of friction with a memory.
 
     Behind those `row` has room for the step's own slopes by the flow's seven inputs, twice: differences from where the
-    step ends. By the coefficients of static effects the chain rule leads, at no further run of the flow. at.omega,
-    memory, drive and curve are what the flow began with.
+    step ends. By the coefficients of static effects the chain rule leads, at no further run of the flow. end: the
+    speed and the memory after the step.
 
     Whether a slow wheel is held or breaks away is a jump, no slope: a difference across it is as large as its step is
     small, and a fit that takes it for a slope knows break-away friction a hundred times better than the readings do.
     """
     n = table.size
-    a = x[table.memory_at]
+    end_omega, end_memory = end
+    curve = step.curve
     dry = _STEP * max(abs(curve.c), abs(curve.s), 1.0e-9)
     at_slopes = 2 * n
     carried = False
@@ -206,8 +215,8 @@ def _chain_memory(
         elif which == 3:
             h = max(_STEP * abs(curve.b), _LEAST_VISCOUS_STEP)
         elif which == 6:
-            h = max(_COEFFICIENT_STEP * abs(a), 1.0e-12)
-        moved_omega, moved_memory = _memory_moved(which, h, table, a, at.omega, memory, drive, curve, at.duration)
+            h = max(_COEFFICIENT_STEP * abs(step.a), 1.0e-12)
+        moved_omega, moved_memory = _memory_moved(which, h, table, step)
         if table.memory_holds and (moved_omega == 0.0) != (end_omega == 0.0):
             moved_omega, moved_memory = end_omega, end_memory
         row[at_slopes + which] = (moved_omega - end_omega) / h
@@ -301,7 +310,8 @@ def effect_interval(
                 )
                 if slopes:
                     moment = Moment(start_omega, current, temperature, angle, at + 0.5 * h, h, columns)
-                    _chain_memory(x, table, row, moment, terms, held, drive, curve, omega, end[table.memory_state_at])
+                    step = MemoryStep(start_omega, held, drive, curve, x[table.memory_at], h)
+                    _chain_memory(x, table, row, moment, terms, step, (omega, end[table.memory_state_at]))
             else:
                 omega, keep, of_drive, of_b, of_c, of_s = flow(omega, drive, curve, h, slopes)
                 if slopes:
