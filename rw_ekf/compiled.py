@@ -75,11 +75,11 @@ class _CompileToLink(Compiler):
         self.state.library = _LinkedOnly(self.state.targetctx.codegen(), "linked only")
 
 
-def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = False, inlined: bool = False) -> None:
+def make_jitable(functions: list[Callable[..., Any]], *, inlined: bool = False) -> None:
     """Let compiled code call these plain Python functions, which stay plain Python otherwise.
 
-    allocating: they make arrays. Others only use what they are handed, and count no references to it: counting takes
-    as long as a step of the flow, for a table of effects and the pieces of a current several times that.
+    They make no arrays: they use what they are handed, and count no references to it. Counting takes as long as a step
+    of the flow, for a table of effects and the pieces of a current several times that.
     inlined: into each caller. A state, a table of effects and the pieces of a current are handed over in a hundred
     words, which takes as long as a step of the flow: worth its room for what every interval, or every column, calls.
     """
@@ -88,7 +88,7 @@ def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = Fals
             error_model="numpy",
             nogil=True,
             forceinline=inlined,
-            _nrt=allocating,
+            _nrt=False,
             no_cfunc_wrapper=True,
             pipeline_class=_CompileToLink,
         )(function)

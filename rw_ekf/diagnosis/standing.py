@@ -22,7 +22,6 @@ class Reason(Enum):
     NOT_BESIDE_MOTION = "nothing beside smooth laws of the motion"
     WAITS = "nothing beside a smooth effect of the {}"
     NOT_CONFIRMED = "not confirmed: {}"
-    UNLIKELIER = "less likely than {}"
     PARTIAL = "explains only part of the residual"
     NOT_LIKELY = "less likely than not"
     NO_GRID = "no grid coarser than the noise"

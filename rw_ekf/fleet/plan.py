@@ -80,12 +80,12 @@ def plan_of(index: FleetIndex, settings: FleetSettings) -> dict[str, list[Planne
     return plan
 
 
-def groups_of(logs: Sequence[PlannedLog], most_samples: int = TASK_SAMPLES) -> list[list[PlannedLog]]:
+def groups_of(logs: Sequence[PlannedLog]) -> list[list[PlannedLog]]:
     """The logs of a wheel in groups that make a task each. How they are grouped changes no result."""
     groups: list[list[PlannedLog]] = []
     samples = 0
     for planned in logs:
-        if not groups or samples + planned.log.samples > most_samples:
+        if not groups or samples + planned.log.samples > TASK_SAMPLES:
             groups.append([])
             samples = 0
         groups[-1].append(planned)

@@ -77,9 +77,7 @@ class WheelTruth:
     step: float  # of Coulomb friction from then on, relative
 
 
-def simulate_fleet(
-    directory: str | Path, shape: FleetShape, workers: int | None = None, scheduler: str | None = None
-) -> dict[str, Any]:
+def simulate_fleet(directory: str | Path, shape: FleetShape, workers: int | None = None) -> dict[str, Any]:
     """Write a fleet's logs as `DIR/wheel=W/DAY.parquet`; returns the document of `simulate fleet`.
 
     Raises BadInputError where the shape cannot be, or the place not be written.
@@ -90,7 +88,7 @@ def simulate_fleet(
     samples = logs = 0
     spans = [(first, min(first + _DAYS_A_TASK, shape.days)) for first in range(0, shape.days, _DAYS_A_TASK)]
     jobs = [(number, span) for number in range(shape.wheels) for span in spans]
-    with executor_of(workers, scheduler) as executor:
+    with executor_of(workers, None) as executor:
         waiting = iter(jobs)
 
         def submit(count: int) -> None:

@@ -30,7 +30,6 @@ class RunFeed:
         self.stem = stem_of(log)
         if not self._parts(estimates=True) and not self._parts(estimates=False):
             raise BadInputError(f"{log}: there is no run: give its log, runs/DATE_WHEEL.csv, or the folder of runs")
-        self._curve_of: tuple[str, int] | None = None
 
     @property
     def log(self) -> Path:
