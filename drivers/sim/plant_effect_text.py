@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import MISSING, Field, fields
-from typing import Any
 
-from rw_ekf.drivers.sim.plant_effects import EFFECTS, PlantEffect, with_effects
+from rw_ekf.drivers.sim.plant_effects import EFFECTS, Number, PlantEffect, with_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.errors import BadInputError
 
@@ -27,19 +25,19 @@ def parse_effect(text: str) -> PlantEffect:
     kind = EFFECTS.get(name.strip())
     if kind is None:
         raise BadInputError(f"unknown effect {name.strip()!r} in {text!r}; there are: {', '.join(EFFECTS)}")
-    known = {field.name: field for field in fields(kind)}
+    known = kind.numbers
     values: dict[str, float | str] = {}
     for setting in filter(None, (part.strip() for part in settings.split(","))):
         key, equals, value = (part.strip() for part in setting.partition("="))
         if not equals or key not in known:
             raise BadInputError(
                 f"effect {kind.id}: {setting!r} is not name=value of a parameter; it has: "
-                + ", ".join(f"{field.name}={field.default}" for field in known.values())
+                + ", ".join(f"{key}={number.default}" for key, number in known.items())
             )
         if key in values:
             raise BadInputError(f"effect {kind.id}: {key} is given twice in {text!r}; give it once")
-        values[key] = _value(kind.id, known[key], value)
-    effect: PlantEffect = kind(**values)
+        values[key] = _value(f"effect {kind.id}: {key}", key, known[key], value)
+    effect = kind(**values)
     _try(effect)
     return effect
 
@@ -58,26 +56,25 @@ def describe_effects() -> list[str]:
     lines = []
     for name, kind in EFFECTS.items():
         defaults = ",".join(
-            f"{field.name}={field.default:g}" if isinstance(field.default, float) else f"{field.name}={field.default}"
-            for field in fields(kind)
-            if field.default is not MISSING
+            f"{key}={number.default:g}" if isinstance(number.default, float) else f"{key}={number.default}"
+            for key, number in kind.numbers.items()
         )
-        lines.append(f"{name}:{defaults}  {(kind.__doc__ or '').splitlines()[0]}")
+        lines.append(f"{name}:{defaults}  {kind.meaning}")
     return lines
 
 
-def _value(effect: str, field: Field[Any], text: str) -> float | str:
-    """A value as the parameter's default is: a word or a finite number."""
-    if isinstance(field.default, str):
+def _value(place: str, name: str, number: Number, text: str) -> float | str:
+    """A value as the number's default is: a word or a finite number."""
+    if isinstance(number.default, str):
         return text
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise BadInputError(f"effect {effect}: {field.name} must be a number, not {text!r}")
-    if value < 0.0 and field.name in NOT_NEGATIVE:
-        raise BadInputError(f"effect {effect}: {field.name} must not be below 0, not {text}")
+        raise BadInputError(f"{place} must be a number, not {text!r}")
+    if value < 0.0 and name in NOT_NEGATIVE:
+        raise BadInputError(f"{place} must not be below 0, not {text}")
     return value
 
 

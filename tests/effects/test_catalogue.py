@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -121,8 +122,8 @@ def with_part(part: Contribution, at: Moment) -> float:
 
 def plant_with(effect: type[Effect], a: float, shape: Shape) -> PlantParameters:
     """The simulated wheel with the effect's twin, its numbers given by name."""
-    fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}
-    numbers: dict[str, float | str | None] = {effect.coefficient.name: a}
+    fields = set(EFFECTS[effect.id].numbers)
+    numbers: dict[str, Any] = {effect.coefficient.name: a}
     described = effect.described(a, 0.0, shape)
     numbers |= {c.name: described[c.name]["value"] for c in effect.constants if c.name in fields}
     return EFFECTS[effect.id](**numbers).applied_to(PlantParameters())
@@ -205,7 +206,7 @@ def test_confusions_are_mutual_and_told_apart(effect: type[Effect]) -> None:
 @pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.id)
 def test_its_names_are_those_of_the_simulated_wheel(effect: type[Effect]) -> None:
     """`--effect ID:name=value` and the document use the same names; start_s, piece_s, reference_s are ours alone."""
-    fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}
+    fields = set(EFFECTS[effect.id].numbers)
     assert {effect.coefficient.name, *(c.name for c in effect.constants)} - {
         "start_s",
         "piece_s",
@@ -370,10 +371,10 @@ def test_compiled_and_plain_are_bitwise_equal(effect: type[StaticEffect]) -> Non
 def test_another_stribeck_curve_is_the_simulated_wheels(law: int) -> None:
     """Speed and law of `stribeck_shape` give the friction of the simulated wheel with that shape."""
     rng = np.random.default_rng([7, law])
-    name = StribeckShape.described(1.0, 0.1, (float(law), 0.0, 0.0))["law"]["value"]
+    name = str(StribeckShape.described(1.0, 0.1, (float(law), 0.0, 0.0))["law"]["value"])
     for _ in range(DRAWS):
         speed, omega = float(rng.uniform(0.1, 3.0)), float(rng.uniform(-4.0, 4.0))
-        p = EFFECTS["stribeck_shape"](speed_rad_s=speed, law=name).applied_to(PlantParameters())  # type: ignore[call-arg]
+        p = EFFECTS["stribeck_shape"](speed_rad_s=speed, law=name).applied_to(PlantParameters())
         expected = plant_acceleration(p, Moment(omega, 0.05, 20.0, 0.0, 0.0, 0.0))
         assert acceleration(omega, K * 0.05, B, C, S, speed, law) == pytest.approx(expected, rel=1e-12)
 
