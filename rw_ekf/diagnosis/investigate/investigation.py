@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,10 +10,9 @@ from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_sa
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
 from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
-from rw_ekf.diagnosis.hypotheses.other_starts import has_laws
+from rw_ekf.diagnosis.hypotheses.other_starts import LAW, has_laws, with_each_law
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found, mapped
-from rw_ekf.diagnosis.investigate.open_law import with_open_law
 from rw_ekf.diagnosis.investigate.walking import weighed_against_a_walk, with_wandering_friction
 from rw_ekf.diagnosis.investigate.widths import (
     with_free_shapes,
@@ -26,11 +26,47 @@ from rw_ekf.diagnosis.ledger.growth import begun, grown
 from rw_ekf.diagnosis.ledger.ledger import Ledger
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Reason
-from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P
+from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.state import PARAMETER_COUNT
 
 Advance = Callable[[str], object]
+_LEAST_TOLD = 0.02
+
+
+def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]]:
+    """A fit with an effect of several laws, and how probable each is by its name.
+
+    less: without it. All laws are as likely beforehand. The variances of the coefficient and of the four parameters
+    become those about the values told, over all laws: another one asks for other numbers.
+    """
+    effect = CATALOGUE[name]
+    fits = with_each_law(less, fit, name)
+    best = max(item.likelihood.value for item in fits.values())
+    odds = {law: math.exp((item.likelihood.value - best) / INFLATION) for law, item in fits.items()}
+    total = sum(odds.values())
+    likeliest_first = sorted(odds, key=lambda law: -odds[law])
+    probabilities = {
+        str(effect.described(1.0, 1.0, fits[law].terms_of(name)[0].term.shape)[LAW]["value"]): odds[law] / total
+        for law in likeliest_first
+    }
+    wider, places = fit, _places(fit, name)
+    for number, place in enumerate(places):
+        others = [(odds[law] / total, *_known(item, _places(item, name)[number])) for law, item in fits.items()]
+        wider = wider.widened_over(slice(place, place + 1), _known(fit, place), others)
+    return wider, {law: p for law, p in probabilities.items() if p > _LEAST_TOLD}
+
+
+def _places(fit: Fit, name: str) -> list[int]:
+    """Where the four parameters and the effect's coefficient stand in a model's vector."""
+    return [*range(PARAMETER_COUNT), next(at.start for term, at in fit.model.placed if term.id == name)]
+
+
+def _known(fit: Fit, place: int) -> tuple[float, float]:
+    """A number of a fit and its standard deviation."""
+    return float(fit.model.vector[place]), float(fit.std[place])
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
