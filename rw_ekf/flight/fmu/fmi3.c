@@ -224,19 +224,35 @@ EXPORT fmi3Status fmi3SetBinary(
     return none_of(c, n);
 }
 
-EXPORT fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Clock values[])
-{
-    (void)vr;
-    (void)values;
-    return none_of(c, n);
-}
+#define NO_VALUES(name, of_type)                                                                             \
+    EXPORT fmi3Status fmi3##name(                                                                            \
+        fmi3Instance c, const fmi3ValueReference vr[], size_t n, of_type values[])                           \
+    {                                                                                                        \
+        (void)vr;                                                                                            \
+        (void)values;                                                                                        \
+        return none_of(c, n);                                                                                \
+    }
 
-EXPORT fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Clock values[])
-{
-    (void)vr;
-    (void)values;
-    return none_of(c, n);
-}
+NO_VALUES(GetClock, fmi3Clock)
+NO_VALUES(SetClock, const fmi3Clock)
+NO_VALUES(SetIntervalDecimal, const fmi3Float64)
+NO_VALUES(GetShiftDecimal, fmi3Float64)
+NO_VALUES(SetShiftDecimal, const fmi3Float64)
+
+#define NO_PAIRS(name, of_type, of_other)                                                                    \
+    EXPORT fmi3Status fmi3##name(                                                                            \
+        fmi3Instance c, const fmi3ValueReference vr[], size_t n, of_type values[], of_other others[])        \
+    {                                                                                                        \
+        (void)vr;                                                                                            \
+        (void)values;                                                                                        \
+        (void)others;                                                                                        \
+        return none_of(c, n);                                                                                \
+    }
+
+NO_PAIRS(GetIntervalDecimal, fmi3Float64, fmi3IntervalQualifier)
+NO_PAIRS(SetIntervalFraction, const fmi3UInt64, const fmi3UInt64)
+NO_PAIRS(GetShiftFraction, fmi3UInt64, fmi3UInt64)
+NO_PAIRS(SetShiftFraction, const fmi3UInt64, const fmi3UInt64)
 
 EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
@@ -350,16 +366,6 @@ NOTHING(EvaluateDiscreteStates)
 NOTHING(EnterContinuousTimeMode)
 NOTHING(EnterStepMode)
 
-EXPORT fmi3Status fmi3GetIntervalDecimal(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 intervals[],
-    fmi3IntervalQualifier qualifiers[])
-{
-    (void)vr;
-    (void)intervals;
-    (void)qualifiers;
-    return none_of(c, n);
-}
-
 EXPORT fmi3Status fmi3GetIntervalFraction(
     fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
     fmi3IntervalQualifier qualifiers[])
@@ -368,59 +374,6 @@ EXPORT fmi3Status fmi3GetIntervalFraction(
     (void)counters;
     (void)resolutions;
     (void)qualifiers;
-    return none_of(c, n);
-}
-
-EXPORT fmi3Status fmi3GetShiftDecimal(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 shifts[])
-{
-    (void)vr;
-    (void)shifts;
-    return none_of(c, n);
-}
-
-EXPORT fmi3Status fmi3GetShiftFraction(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
-{
-    (void)vr;
-    (void)counters;
-    (void)resolutions;
-    return none_of(c, n);
-}
-
-EXPORT fmi3Status fmi3SetIntervalDecimal(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 intervals[])
-{
-    (void)vr;
-    (void)intervals;
-    return none_of(c, n);
-}
-
-EXPORT fmi3Status fmi3SetIntervalFraction(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3UInt64 counters[],
-    const fmi3UInt64 resolutions[])
-{
-    (void)vr;
-    (void)counters;
-    (void)resolutions;
-    return none_of(c, n);
-}
-
-EXPORT fmi3Status fmi3SetShiftDecimal(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 shifts[])
-{
-    (void)vr;
-    (void)shifts;
-    return none_of(c, n);
-}
-
-EXPORT fmi3Status fmi3SetShiftFraction(
-    fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3UInt64 counters[],
-    const fmi3UInt64 resolutions[])
-{
-    (void)vr;
-    (void)counters;
-    (void)resolutions;
     return none_of(c, n);
 }
 
