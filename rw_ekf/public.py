@@ -29,6 +29,7 @@ from rw_ekf.foreign_columns import GuessedColumns, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate
+from rw_ekf.logs.excerpt import read_log_or_excerpt
 from rw_ekf.logs.reader import read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.one_thread import one_thread
@@ -121,7 +122,8 @@ def diagnose(
     given = _configuration(configuration)
     own = [effect_of(formula) for formula in formulas]
     with _told(progress, "diagnose") as tell:
-        return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=tell, own=own)
+        held = [log if isinstance(log, Log) else read_log_or_excerpt(log) for log in several]
+        return diagnose_log(held, given, _model(model, given), split=split, advance=tell, own=own)
 
 
 def bench(

@@ -75,7 +75,7 @@ def execute(args: argparse.Namespace) -> int:
     configuration = read_configuration(args)
     model = read_wheel_model(args.model, configuration)
     own = read_own_effects(args.effect_file, model)
-    logs = read_logs(args.logs, args.columns)
+    logs = read_logs(args.logs, args.columns, excerpts=True)
     if directory is not None:
         _make_ready(directory)
 

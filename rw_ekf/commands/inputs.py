@@ -153,13 +153,17 @@ def _wheel_of_log(log: str) -> WheelTag | None:
     return None
 
 
-def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:
-    """Read logs, all through the same column map if one is named. Raises LogError or ConfigError."""
+def read_logs(paths: list[str], columns: str | None, *, excerpts: bool = False) -> list[WheelLog]:
+    """Read logs, all through the same column map if one is named. Raises LogError or ConfigError.
+
+    excerpts: of those that are too long to be held, stretches will do.
+    """
     from rw_ekf.logs.column_map import load_column_map
+    from rw_ekf.logs.excerpt import read_log_or_excerpt
     from rw_ekf.logs.reader import read_log
 
     column_map = None if columns is None else load_column_map(map_path(columns))
-    return [read_log(path, column_map) for path in paths]
+    return [read_log_or_excerpt(path, column_map) if excerpts else read_log(path, column_map) for path in paths]
 
 
 def map_path(name: str) -> Path:

@@ -51,15 +51,5 @@ def days_of_log(log: WheelLog, begins_utc: datetime) -> list[DayOfLog]:
 def rows_of(log: WheelLog, rows: Int64Array) -> WheelLog:
     """Some rows of a log, in their order."""
     return replace(
-        log,
-        time_s=log.time_s[rows],
-        speed_rad_s=log.speed_rad_s[rows],
-        current_A=log.current_A[rows],
-        command_delay_s=log.command_delay_s[rows],
-        segment=log.segment[rows] - log.segment[rows[0]],
-        channels={name: values[rows] for name, values in log.channels.items()},
-        other={name: values.take(rows) for name, values in log.other.items()},
-        rows_read=rows.size,
-        skipped_rows=0,
-        warnings=log.warnings,
+        log.rows(rows), segment=log.segment[rows] - log.segment[rows[0]], rows_read=rows.size, skipped_rows=0
     )

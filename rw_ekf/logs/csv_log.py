@@ -41,7 +41,7 @@ def _packing_of(head: bytes) -> Packing | None:
     return next((packing for magic, packing in _PACKED if head.startswith(magic)), None)
 
 
-def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str]) -> InParts | None:
+def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str] | None) -> InParts | None:
     """A text that is as its run wrote it, or that no run wrote; a packed one is unpacked as a whole."""
     with path.open("rb") as stream:
         if _packing_of(stream.read(4)) is not None:
@@ -51,9 +51,9 @@ def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str
         return None
 
     def numeric(number: int, column: str) -> bool:
-        return column in _NUMBERS or column in carried or columns.uses(number, column)
+        return column in _NUMBERS or column in (carried or ()) or columns.uses(number, column)
 
-    return csv_in_parts(text, columns.csv, numeric, name)
+    return csv_in_parts(text, columns.csv, numeric, name, with_others=carried is None)
 
 
 def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]:

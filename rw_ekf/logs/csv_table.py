@@ -219,9 +219,17 @@ def _arrow_options(file: CsvFile, block_bytes: int, *, guessing: bool = True) ->
 
 
 def csv_in_parts(
-    text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
+    text: LogText,
+    layout: CsvLayout,
+    must_be_numeric: Callable[[int, str], bool],
+    name_shown: str,
+    *,
+    with_others: bool,
 ) -> InParts | None:
-    """The rows of a text, some ten thousand at a time; None for one that is laid out in another way."""
+    """The rows of a text, some ten thousand at a time; None for one that is laid out in another way.
+
+    with_others: columns that need not be numbers are what their first values are; else they are text.
+    """
     if _other_layout(text, layout, must_be_numeric) is not None:
         return None
     with text.open() as stream:
@@ -231,15 +239,15 @@ def csv_in_parts(
     numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
     file = CsvFile(text, layout, names, has_header, first_line, numeric)
     size, shown = text.path.stat().st_size, max(head.count(b"\n") - first_line + 1, 1)
-    return InParts(int(size * shown / len(head)), lambda: _tables(file, name_shown))
+    return InParts(int(size * shown / len(head)), lambda: _tables(file, name_shown, with_others))
 
 
-def _tables(file: CsvFile, name_shown: str) -> Iterator[RawTable]:
+def _tables(file: CsvFile, name_shown: str, with_others: bool) -> Iterator[RawTable]:
     """The tables of a file, block by block. Raises UnsoundError where pyarrow stumbles."""
     import pyarrow as pa
     import pyarrow.csv as pa_csv
 
-    read, parse, convert = _arrow_options(file, _BLOCK_OF_PARTS, guessing=False)
+    read, parse, convert = _arrow_options(file, _BLOCK_OF_PARTS, guessing=with_others)
     place, first = csv_slow.place_finder(file), 0
     try:
         with file.text.for_arrow() as text, pa_csv.open_csv(text, read, parse, convert) as reader:

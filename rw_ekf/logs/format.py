@@ -21,8 +21,8 @@ class LogFormat(NamedTuple):
     by: str = ""  # by what it is recognised, in words, for the list of formats
     extra: str = ""  # what `pip install "rw-ekf[EXTRA]"` brings to read it; empty: nothing more is needed
     modules: tuple[str, ...] = ()  # what that installs, as it is imported
-    # In parts, with the columns of these names beside the log's own; None where a file needs to be seen as a whole.
-    in_parts: Callable[[Path, str, ColumnMap, Collection[str]], InParts | None] = lambda *_: None
+    # In parts, with the columns of these names (None: all) beside the log's own; None where only a whole can be judged.
+    in_parts: Callable[[Path, str, ColumnMap, Collection[str] | None], InParts | None] = lambda *_: None
 
 
 def noting_suffix(table: RawTable, path: Path, suffix: str, kind: str) -> RawTable:

@@ -58,6 +58,7 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
         other=_further(logs),
         rows_read=sum(log.rows_read for log in logs),
         skipped_rows=sum(log.skipped_rows for log in logs),
+        left_out=sum(log.left_out for log in logs),
         warnings=tuple(f"{log.name}: {text}" for log in logs for text in log.warnings),
     )
     log_of = np.repeat(np.arange(len(logs)), [len(log) for log in logs]).astype(np.int64)

@@ -41,7 +41,7 @@ class LongLog:
     name: str
     columns: ColumnMap
     files: tuple[InParts, ...]
-    carried: tuple[str, ...] = ()  # columns that a model is a function of
+    carried: tuple[str, ...] | None = ()  # columns that a model is a function of; None: all there are
     rows: int = 0  # about, until all parts have been read once
     warnings: tuple[str, ...] = field(default=(), init=False)  # what was mended in reading, once they have been
 
@@ -67,7 +67,7 @@ class LongLog:
                 yield table
 
 
-def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] = ()) -> LongLog | None:
+def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] | None = ()) -> LongLog | None:
     """A log that can be read in parts, and is long enough for that; None for any other, whatever it is."""
     if not _row_by_row(columns):
         return None

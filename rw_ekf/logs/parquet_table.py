@@ -53,7 +53,7 @@ def of_arrow(table: Any, name: str) -> RawTable:
     return read
 
 
-def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str]) -> InParts | None:
+def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str] | None) -> InParts | None:
     """The rows of a file, some ten thousand at a time."""
     import pyarrow as pa
     from pyarrow import parquet
@@ -83,9 +83,9 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
         return None
 
 
-def _is_read(column: str, columns: ColumnMap, carried: Collection[str]) -> bool:
+def _is_read(column: str, columns: ColumnMap, carried: Collection[str] | None) -> bool:
     by_number = any(isinstance(source.column, int) for source in columns.sources.values())
-    return by_number or column in READABLE_COLUMNS or column in carried or columns.uses(-1, column)
+    return by_number or carried is None or column in READABLE_COLUMNS or column in carried or columns.uses(-1, column)
 
 
 FORMAT = LogFormat(

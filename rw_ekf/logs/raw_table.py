@@ -215,9 +215,9 @@ def _float64_of(chunk: Any) -> Float64Array:
     return np.where(known, values, np.nan)
 
 
-def taken(column: Any, rows: NDArray[np.intp]) -> Any:
+def taken(column: Any, rows: NDArray[np.intp] | slice) -> Any:
     """The values (m,) of a column at some rows (m,)."""
-    return column[rows] if isinstance(column, np.ndarray) else column.take(rows)
+    return column[rows] if isinstance(column, np.ndarray) or isinstance(rows, slice) else column.take(rows)
 
 
 def _stacked_column(parts: list[Any]) -> Any:

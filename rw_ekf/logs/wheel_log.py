@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.logs.raw_table import taken
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -45,6 +46,7 @@ class WheelLog:
     channels: dict[str, Float64Array] = field(default_factory=dict)  # those of CHANNELS the log has, as it has them
     other: dict[str, Any] = field(default_factory=dict)  # unknown columns, carried along: name -> pyarrow.Array (n,)
     rows_read: int = 0  # data rows of the file, before any was skipped or decimated
+    left_out: int = 0  # rows between the stretches of an excerpt (`rw_ekf.logs.excerpt`)
     skipped_rows: int = 0  # repeated or backward in time
     warnings: tuple[str, ...] = ()  # what was mended in reading; each fit to be shown to a user
     in_rpm: bool = False  # the speed came in rpm: whatever the plant is, it turns, and a reader thinks in rpm
@@ -100,8 +102,8 @@ class WheelLog:
 
         return log_figure(self)
 
-    def rows(self, chosen: slice) -> WheelLog:
-        """Some of its rows."""
+    def rows(self, chosen: slice | Int64Array) -> WheelLog:
+        """Some of its rows, in their order."""
         return replace(
             self,
             time_s=self.time_s[chosen],
@@ -110,7 +112,7 @@ class WheelLog:
             command_delay_s=self.command_delay_s[chosen],
             segment=self.segment[chosen],
             channels={name: values[chosen] for name, values in self.channels.items()},
-            other={name: values[chosen] for name, values in self.other.items()},
+            other={name: taken(values, chosen) for name, values in self.other.items()},
         )
 
     @property

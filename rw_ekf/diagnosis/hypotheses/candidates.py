@@ -31,7 +31,8 @@ from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.wheel.effect_table import EffectSet
 
 _USUAL_SIZE = 10.0  # of the smallest that matters: as large as effects of wheels are, to an order of magnitude
-_CHUNK = 128
+_CHUNK, _LEAST_CHUNK = 128, 16
+_CELLS = 1_600_000  # of a chunk's columns: 13 MB, of which four copies are held; a chunk is 128 up to 12,500 samples
 _FEW = 16  # hypotheses of a pass each that are whitened together
 _SCREENED = 24
 _NEIGHBOURS = 41
@@ -134,8 +135,14 @@ def hypotheses(
             secants = []
     if secants:
         yield secants
-    for first in range(0, len(static), _CHUNK):
-        yield analytic(linearised, static[first : first + _CHUNK])
+    at_once = places_at_once(linearised.chain.reading.size)
+    for first in range(0, len(static), at_once):
+        yield analytic(linearised, static[first : first + at_once])
+
+
+def places_at_once(samples: int) -> int:
+    """How many columns of so many samples share a pass."""
+    return min(max(_CELLS // max(samples, 1), _LEAST_CHUNK), _CHUNK)
 
 
 def analytic(linearised: Linearisation, places: list[tuple[type[Effect], Candidate]]) -> list[Hypothesis]:

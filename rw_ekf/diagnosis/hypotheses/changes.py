@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.hypotheses.candidates import places_at_once
 from rw_ekf.diagnosis.hypotheses.grounds import Ground, Nameless
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
@@ -28,21 +30,35 @@ def likeliest_change(profiled: Profiled, ground: Ground, facts: RecordFacts) -> 
     """The likeliest change at one time, over when it comes and how fast."""
     begins = np.linspace(facts.first_s, facts.last_s, _PLACES + 2)[1:-1]
     tried = [(float(at), ramp) for ramp in _RAMPS_S for at in begins]
-    columns = ground.slope[:, None] * np.column_stack([_step(ground.at, at, ramp) for at, ramp in tried])
-    sums = [profiled.sums(i, columns) for i in range(len(profiled.ratios))]
+    whole, squares, products = (
+        np.concatenate(parts, axis=1) for parts in zip(*_sums(profiled, ground, tried), strict=True)
+    )
     # What each would gain at the model's own noises tells the likeliest place; the odds are asked of that alone.
-    own = sums[profiled.own]
-    squares = np.diag(own.gram)
-    gains = np.where(squares > _SEEN * own.whole, own.products**2 / np.maximum(squares, 1.0e-300), 0.0)
-    gains *= 0.5 * profiled.count / max(profiled.rss[profiled.own], 1.0e-300)
+    own = profiled.own
+    seen = squares[own] > _SEEN * whole[own]
+    gains = np.where(seen, products[own] ** 2 / np.maximum(squares[own], 1.0e-300), 0.0)
+    gains *= 0.5 * profiled.count / max(profiled.rss[own], 1.0e-300)
     j = int(np.argmax(gains))
     at, ramp = tried[j]
     factor, deviation = evidence_of_drawn(
-        profiled, [(one.gram[j : j + 1, j : j + 1], one.products[j : j + 1]) for one in sums]
+        profiled, [(squares[i, j : j + 1, None], products[i, j : j + 1]) for i in range(len(profiled.ratios))]
     )
     factor += float(np.logaddexp.reduce(gains - gains[j])) - math.log(len(tried))
     law = ground.law(at - 0.5 * ramp, at + 0.5 * ramp, np.array([[0.0, 1.0]]), np.array([deviation]))
     return Nameless(ground, factor, Term(CHANGE, (0.0,), (0.0,), law=law))
+
+
+def _sums(
+    profiled: Profiled, ground: Ground, tried: list[tuple[float, float]]
+) -> Iterator[tuple[Float64Array, Float64Array, Float64Array]]:
+    """Sums (ratios, m) of `Profiled.sums_of_each` over steps of some times and ramps, as many at once as have room."""
+    at_once = places_at_once(ground.at.size)
+    for first in range(0, len(tried), at_once):
+        some = tried[first : first + at_once]
+        columns = ground.slope[:, None] * np.column_stack([_step(ground.at, at, ramp) for at, ramp in some])
+        of_each = [profiled.sums_of_each(i, columns) for i in range(len(profiled.ratios))]
+        whole, squares, products = (np.array(sums) for sums in zip(*of_each, strict=True))
+        yield whole, squares, products
 
 
 def settled_change(less: Fit, fit: Fit) -> Fit:

@@ -97,6 +97,13 @@ class Profiled:
         squares = A.T @ A
         return Sums(np.diagonal(squares), squares - shadow.T @ taken, products)
 
+    def sums_of_each(self, i: int, regressors: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Of regressors (n, m), each by itself: its square whole, beside the model's own, and its product, (m,)."""
+        _, A, _ = self.linearised.whitened(self.ratios[i], self.variance, regressors)
+        shadow, taken, products = self.seen_by_own(i, A)
+        whole = np.einsum("nm,nm->m", A, A)
+        return whole, whole - np.einsum("pm,pm->m", shadow, taken), products
+
     def seen_by_own(self, i: int, A: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Of whitened columns A (n, m): S = Q'A (p, m), (2 - Q'Q)S, and what they have with the residual (m,)."""
         both, overlap = self._together[i].T @ A, self._overlaps[i]

@@ -102,11 +102,13 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise, log_of)
     kept = split.looked_at
     current, delay = log.current_A, log.command_delay_s
-    if not kept.all():
+    if log.left_out or not kept.all():
+        samples = kept.size + log.left_out
         notes += (
-            f"of {kept.size} samples {int(kept.sum())} were looked at, in stretches evenly spread over the record; "
+            f"of {samples} samples {int(kept.sum())} were looked at, in stretches evenly spread over the record; "
             "what happened between them is not known",
         )
+    if not kept.all():
         course = part_of(course, current, delay, kept)
         current, delay, split, log_of = current[kept], delay[kept], split.of_looked_at(), log_of[kept]
     if not np.any(current != 0.0):
