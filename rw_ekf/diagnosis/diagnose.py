@@ -11,6 +11,7 @@ from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
+from rw_ekf.diagnosis.investigate.found import model_of_fit
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
@@ -79,7 +80,12 @@ def _diagnosed(
     prepared.record.work.start_clock()
     found = thoroughly_investigated(prepared, advance)
     advance("judging on the held-out part")
-    return conclude(found, advance)
+    told = conclude(found, advance)
+    if len(logs) > 1 or logs[0].whole is None:
+        return told
+    from rw_ekf.diagnosis.whole_log import held_against_all  # few logs are so long, and a replay is much to import
+
+    return held_against_all(told, logs[0].whole, model_of_fit(found.selection.base, prepared), advance)
 
 
 def richer_part(prepared: Prepared) -> Prepared:

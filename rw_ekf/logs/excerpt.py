@@ -44,7 +44,7 @@ def excerpt(log: LongLog) -> WheelLog:
             kept.append(part.log.rows(inside + part.begin))
             numbers.append(number[inside])
         last = part.log
-    return _together(kept, np.concatenate(numbers), replace(last, warnings=log.warnings), len(log))
+    return _together(kept, np.concatenate(numbers), replace(last, warnings=log.warnings, whole=log), len(log))
 
 
 def _together(kept: list[WheelLog], number: Int64Array, last: WheelLog, rows: int) -> WheelLog:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rw_ekf.logs.column_map import Source
+    from rw_ekf.logs.long_log import LongLog
 
 _SHOWN_ROWS = 5
 Drive = Literal["current_command_A", "current_A", "constant"]
@@ -47,6 +48,7 @@ class WheelLog:
     other: dict[str, Any] = field(default_factory=dict)  # unknown columns, carried along: name -> pyarrow.Array (n,)
     rows_read: int = 0  # data rows of the file, before any was skipped or decimated
     left_out: int = 0  # rows between the stretches of an excerpt (`rw_ekf.logs.excerpt`)
+    whole: LongLog | None = None  # of which this is an excerpt
     skipped_rows: int = 0  # repeated or backward in time
     warnings: tuple[str, ...] = ()  # what was mended in reading; each fit to be shown to a user
     in_rpm: bool = False  # the speed came in rpm: whatever the plant is, it turns, and a reader thinks in rpm

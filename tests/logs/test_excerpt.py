@@ -60,3 +60,8 @@ def test_an_effect_is_found_in_stretches(
     document = json.loads(capsys.readouterr().out)
     assert document["verdict"]["effects"] == ["quadratic_drag"]
     assert f"of {columns['time_s'].size} samples " in json.dumps(document)
+    whole = document["whole_log"]
+    assert whole["samples"] == columns["time_s"].size
+    assert whole["after"]["rms_rpm"] < 0.99 * whole["before"]["rms_rpm"]  # whose filter learns what it can of a drag
+    assert whole["after"]["nis_mean"] == pytest.approx(1.0, abs=0.1)
+    assert any(text.startswith("over all ") for text in document["warnings"])

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from tools.measure.processor import add_other_checkout, processor_s, trees_of
+from tools.measure.processor import add_other_checkout, spent, trees_of
 from tools.measure.table import Row, at_most, show
 from tools.proof.plants import log_of, save_log
 from tools.proof.prove import chosen_cases
@@ -30,7 +30,7 @@ _MEDIAN_S, _WORST_S = 4.0, 10.0  # marks
 
 def diagnosed_s(tree: Path, log: Path, out: Path) -> float:
     """Processor time of one diagnosis by the code in `tree` [s]."""
-    return processor_s((sys.executable, "-m", "rw_ekf", "diagnose", str(log), "--out", str(out)), tree)
+    return spent((sys.executable, "-m", "rw_ekf", "diagnose", str(log), "--out", str(out)), tree).processor_s
 
 
 def write_logs(folder: Path, count: int, seed: int) -> list[Path]:

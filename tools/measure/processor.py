@@ -1,27 +1,37 @@
-"""Processor time of a command."""
+"""Processor time and memory of a command."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import resource
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 
-def processor_s(command: Sequence[str], root: Path | None = None) -> float:
-    """User and system time of a command, its children included [s].
+class Spent(NamedTuple):
+    """What a command took, with its children."""
+
+    processor_s: float  # user and system
+    peak_MB: float  # the most memory that it, or one of its children, had at once
+
+
+def spent(command: Sequence[str], root: Path | None = None) -> Spent:
+    """Run a command.
 
     root: of the checkout whose code it shall run; None: this one's. Raises SystemExit where the command fails.
     """
     environment = None if root is None else {**os.environ, "PYTHONPATH": str(root)}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode != 0:
-        raise SystemExit(f"{' '.join(command)}: status {done.returncode}: {done.stderr.strip()}")
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(command, cwd=root, env=environment, stdout=subprocess.DEVNULL, stderr=said)
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        if process.returncode != 0:
+            raise SystemExit(f"{' '.join(command)}: status {process.returncode}: {said.read().decode().strip()}")
+    return Spent(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0)
 
 
 def add_other_checkout(parser: argparse.ArgumentParser) -> None:

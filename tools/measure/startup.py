@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rw_ekf import compile_ahead
-from tools.measure.processor import processor_s
+from tools.measure.processor import spent as spent_by
 
 _PROGRAM = (sys.executable, "-m", "rw_ekf")
 _SERVED_S = 20.0
@@ -52,7 +52,7 @@ def main() -> int:
         spent: dict[str, list[float]] = {name: [] for name in commands}
         for _ in range(runs):
             for name, command in commands.items():
-                spent[name].append(processor_s(command))
+                spent[name].append(spent_by(command).processor_s)
         print(f"{'':<22}{'processor time':>16}{'times bare':>12}   median of {runs}")
         for name, times in spent.items():
             ratio = statistics.median(a / b for a, b in zip(times, spent["bare interpreter"], strict=True))
@@ -71,7 +71,7 @@ def _first_use() -> None:
         announced = compile_ahead.seconds_of(getattr(compile_ahead, kernels))
         with tempfile.TemporaryDirectory() as folder:
             begun = time.monotonic()
-            spent = processor_s(("env", f"NUMBA_CACHE_DIR={folder}", sys.executable, "-c", code, kernels))
+            spent = spent_by(("env", f"NUMBA_CACHE_DIR={folder}", sys.executable, "-c", code, kernels)).processor_s
             took = time.monotonic() - begun
         print(f"{verb:<22}announced {announced:4.0f} s   took {took:4.1f} s   processor time {spent:4.1f} s")
 
