@@ -30,6 +30,7 @@ _OWN = {
     "dataflash": "rw_ekf.logs.foreign.dataflash:FORMAT",
     "can": "rw_ekf.logs.foreign.can_log:FORMAT",
     "octave": "rw_ekf.logs.foreign.octave:FORMAT",
+    "igor": "rw_ekf.logs.foreign.igor:FORMAT",
     "influx_csv": "rw_ekf.logs.foreign.influx:ANNOTATED",
     "influx": "rw_ekf.logs.foreign.influx:FORMAT",
     "json": "rw_ekf.logs.foreign.json_records:FORMAT",
