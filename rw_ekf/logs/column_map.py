@@ -44,14 +44,16 @@ class Source:
     where: str = ""  # file:line:column in the mapping file, for messages
     wrap: float = 0.0  # the column counts modulo this much, before the scale; 0: it does not
     sign_of: str | int | None = None  # the column that holds the sign of this one
+    missing: float | None = None  # the number that stands in the column where nothing was measured
     says_scale: bool = False  # the map gives a scale, be it 1: whoever wrote it has thought of the unit
 
     def line(self, name: str, **changes: object) -> str:
-        """The line of a map that says this, as `name`, with other scale, offset, wrap, sign_of or column."""
-        said = {"scale": self.scale, "offset": self.offset, "wrap": self.wrap, "sign_of": self.sign_of} | changes
+        """The line of a map that says this, as `name`, with other scale, offset, wrap, sign_of, missing or column."""
+        own = ("scale", "offset", "wrap", "sign_of", "missing")
+        said = {key: getattr(self, key) for key in own} | changes
         column = said.pop("column", self.column)
         kind = "derivative_of" if self.kind == "derivative" else "column"
-        usual = {"scale": 1.0, "offset": 0.0, "wrap": 0.0, "sign_of": None}
+        usual = {"scale": 1.0, "offset": 0.0, "wrap": 0.0, "sign_of": None, "missing": None}
         kept = [f"{key}: {as_written(value)}" for key, value in said.items() if value != usual[key]]
         return f"`{name}: {{{', '.join([f'{kind}: {as_written(column)}', *kept])}}}`"
 

@@ -58,6 +58,7 @@ class _Entry(Section):
     pole_pairs: Annotated[float, Key(gt=0)] = 0.0
     wrap: Annotated[float, Key(gt=0)] = 0.0
     sign_of: _Column | None = Key(None, description="column that has the sign of this one")
+    missing: float | None = Key(None, description="number that stands where nothing was measured, as -9999")
 
     @model_validator(mode="after")
     def _holds(self) -> Self:
@@ -68,7 +69,7 @@ class _Entry(Section):
             found = " and ".join(kinds) or "none of them"
             mistakes.append(((), f"must have exactly one of column, constant, derivative_of; found {found}"))
         if "constant" in kinds:
-            beside = ("scale", "offset", "unit", "wrap", "sign_of")
+            beside = ("scale", "offset", "unit", "wrap", "sign_of", "missing")
             mistakes += [((name,), "has no meaning beside a constant") for name in beside if name in given]
         if self.scale == 0.0:
             mistakes.append((("scale",), "must not be 0, which leaves nothing of it; give a constant"))
@@ -99,7 +100,7 @@ class _Entry(Section):
         if self.unit is not None and (unit := unit_of(self.unit)) is not None:
             scale, offset = in_unit(unit, scale, offset, getattr(self, unit.per) if unit.per else 1.0)
         given = bool({"scale", "unit"} & self.model_fields_set)
-        return Source(kind, column, 0.0, scale, offset, where, self.wrap, self.sign_of, says_scale=given)
+        return Source(kind, column, 0.0, scale, offset, where, self.wrap, self.sign_of, self.missing, given)
 
 
 def in_unit(unit: Unit, scale: float, offset: float, per: float) -> tuple[float, float]:

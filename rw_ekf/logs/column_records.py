@@ -11,6 +11,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by
 from rw_ekf.logs.column_units import habitual_unit
+from rw_ekf.logs.odd_columns import mark_of_missing
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -22,6 +23,7 @@ _RAW = re.compile(r"(?P<of>.*\S)\s*\(RAW\)")  # COSMOS: counts, beside which sta
 _CONVERTED = re.compile(r"\s*\([UF]\)")  # with units, formatted
 _TAIL = re.compile(r"\s*[(\[].*")
 _DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s))(?P<text>[^\W\d].*)")
+_COUNTING: tuple[Role, ...] = ("time", "count", "segment", "direction", "other")  # has no reading to miss
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
 
@@ -88,6 +90,7 @@ class Column:
     key: str | int = ""  # how a map names it
     remark: str = ""  # what the file says of it in prose
     by_habit: bool = False  # whether its unit is what the program that wrote it publishes for such a name
+    missing: float | None = None  # the number that stood for NaN among `values`
     bare_name: str = ""  # its name without what only says that its numbers are converted
 
     @property
@@ -145,6 +148,7 @@ class Column:
         return {
             "column": self.key,
             **({"unit": unit} if unit else {}),
+            **({} if self.missing is None else {"missing": self.missing}),
             **{k: v for k, v in more.items() if v is not None},
         }
 
@@ -165,7 +169,9 @@ def columns_of(table: RawTable) -> list[Column]:
         if role == "speed" and said.unit is None and _counts_rows(values):
             role = "count"
         by_habit = said_by(name).unit is None and not units.get(name) and bool(habit)
-        found.append(Column(number, name, said, role, values, key, remark, by_habit))
+        mark = mark_of_missing(values) if role not in _COUNTING else None
+        values = values if mark is None else np.where(values == mark, np.nan, values)
+        found.append(Column(number, name, said, role, values, key, remark, by_habit, mark))
     return _without_raw(found)
 
 

@@ -165,6 +165,7 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
     known = unit_of(unit)
     more = told.more.get("speed_rad_s", {})
     entry: dict[str, object] = {"derivative_of": column.key}
+    entry |= {} if column.missing is None else {"missing": column.missing}
     if known is not None and known.per:
         per = per_turn(table, column) or more.get(known.per) or turn
         entry |= {"unit": unit, known.per: per or 4096}

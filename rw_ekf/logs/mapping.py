@@ -51,6 +51,8 @@ def map_columns(table: RawTable, columns: ColumnMap) -> MappedColumns:
         index = _find(table, source)
         used.add(index)
         values = _finite(table, index, name)
+        if source.missing is not None:
+            values[values == source.missing] = np.nan
         mapped.sources[name] = source
         mapped.faults += faults_of_column(table.names[index], name, source, values)
         if source.kind == "derivative":

@@ -29,6 +29,15 @@ _FULL = 0.9  # of a turn, which an angle that begins anew covers
 _EVEN = 0.3  # of the usual step, by which a regular clock may be early or late
 _MOSTLY = 0.8
 _LANDS = 10.0  # steps: a clock that begins anew begins near where it began
+_MARKS = frozenset([
+    999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 999999.0, 32768.0, 65535.0, 2.0**31 - 1.0, 2.0**31,
+    2.0**32 - 1.0,
+])  # fmt: skip
+_NO_COMMAND = frozenset([-9999.0, -9999.9, -9999.99, -99999.0, -999999.0])
+_HUGE = 1.0e20  # 1e30, 9.91e37 (SCPI), 9.97e36 (netCDF): no machine's
+_APART = 0.1  # of itself: so far from all else is what was not measured; a machine passes what lies between
+_BEYOND = 0.01  # of itself: all else is less where it is no level of a command
+_LEVELS = 4  # values but zero: a command of no more may go to 999, or to 65535 of 65535
 _SETS = 5  # times at most that a clock is set in one log; rows out of order come oftener
 
 
@@ -42,6 +51,9 @@ def faults_of_column(header: str, name: str, source: Source, values: Float64Arra
     if finite.size < 2 * _LEAST_ROWS:
         return []
     found = [_unit_in_name(header, name, source)]
+    if name != "time_s" and (mark := mark_of_missing(finite)) is not None:
+        line = source.line(name, missing=mark)
+        found.append(f"{name} is {mark:.10g} in {int(np.sum(finite == mark))} rows and nowhere near it else: {line}")
     if source.kind == "derivative":
         found.append(_begins_anew(name, source, finite))
     elif name not in {"time_s", "angle_rad"}:
@@ -67,6 +79,24 @@ def _unit_in_name(header: str, name: str, source: Source) -> str | None:
     if other is not None:
         line = source.line(other)
     return f"column '{header}' is taken for {name} as it stands, and its name says {said.unit_text}: {line}"
+
+
+def mark_of_missing(values: Float64Array) -> float | None:
+    """The number, as -9999, that stands in values (n,) where nothing was measured; None where none does."""
+    known = values[np.isfinite(values)]
+    for mark in (float(known.min()), float(known.max())) if known.size else ():
+        size = abs(mark)
+        if size not in _MARKS and size < _HUGE:
+            continue
+        others = known[known != mark]
+        often = known.size - others.size > (size < 1000.0)  # 999 once may be a reading
+        beyond = 0.0 < float(np.max(np.abs(others), initial=0.0)) < _BEYOND * size
+        level = mark not in _NO_COMMAND and not beyond and np.unique(others[others != 0.0]).size <= _LEVELS
+        if not often or level or others.size <= known.size // 2:
+            continue
+        if float(np.min(np.abs(others - mark))) > _APART * size < float(np.min(np.abs(others + mark))):
+            return mark
+    return None
 
 
 def _unsigned_counter(name: str, source: Source, values: Float64Array) -> str | None:

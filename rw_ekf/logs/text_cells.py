@@ -10,6 +10,7 @@ from itertools import zip_longest
 
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.text_forms import NO_FORM, LineForm
+from rw_ekf.logs.time_text import is_odd_stamp
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 CELL = "\x1f"  # as a delimiter: cells stood apart from each other, as those of a sheet, and none can be missing
@@ -27,12 +28,15 @@ STAMP = re.compile(
 )
 _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
-    "-",
 })  # fmt: skip
-_WITH_UNIT = re.compile(r"(?P<value>[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?)\s(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*)")
+_WITH_UNIT = re.compile(
+    r"(?P<value>[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?)\s(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*(?: s\^?-1)?)"
+)
 _UNIT_IN_CELL = re.compile(rf"(?<![^,;\t\"])\s*{_WITH_UNIT.pattern}\s*(?![^,;\t\"])")
 _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
 _GAPS = frozenset({"n/a", "na", "null", "none", "inf", "-inf", "+inf"})
+_NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an oscilloscope's reading over its range
+_DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class TextLayout:
     preamble: tuple[str, ...] = ()  # lines before the names
     remarks: tuple[str, ...] = ()  # of each column, where a row above has them
     form: LineForm = NO_FORM  # what makes its lines rows of cells
-    begins_with_value: bool = False  # whether each row does
+    begins_with_value: bool = False  # whether each row does, or has an empty cell there: none begins with a word
     doubts: tuple[str, ...] = ()  # what of it could be otherwise
     united: bool = False  # cells have their units with them: `0.01 sec`, `89.9 µA`
     units: tuple[str, ...] = ()  # of each column then, in which its numbers are written out
@@ -69,11 +73,11 @@ class TextLayout:
 
     def is_data(self, cells: Sequence[str]) -> bool:
         """Whether most of what stands in a line is numbers or stamps."""
-        if self.begins_with_value and cells and not self.is_value(cells[0]):
+        if self.begins_with_value and cells and cells[0] and not self.is_value(cells[0]):
             return False  # a setting: `Horizontal Scale,20`; `Date;12.03.2022`
         filled = [cell for cell in cells if cell]
         values = sum(map(self.is_value, filled))
-        return values > 0 and values >= MOSTLY * len(filled)
+        return values > 0 and values >= MOSTLY * len(filled) and not all(map(_NO_VALUE.fullmatch, filled))
 
     def is_value(self, cell: str) -> bool:
         """Whether a cell is a number or a stamp."""
@@ -116,7 +120,7 @@ class TextLayout:
             return str(int(cell, 16)) if _NUMBER.fullmatch(cell) else cell
         elif (fortran := _FORTRAN.fullmatch(cell)) is not None:
             return f"{fortran[1]}e{fortran[2]}"
-        elif "#" in cell or cell in {"-", "*" * len(cell)} or cell.lower() in _GAPS:
+        elif "#" in cell or _NO_VALUE.fullmatch(cell) or cell.lower() in _GAPS:
             return "nan"
         return cell
 
@@ -125,14 +129,15 @@ def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number, or a word that stands where one may."""
     if not cell:
         return False
-    if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS or _FORTRAN.fullmatch(cell):
+    if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS or _FORTRAN.fullmatch(cell) or _NO_VALUE.fullmatch(cell):
         return True
     return bool(_COMMA_NUMBER.fullmatch(cell)) if decimal == "," else bool(_GROUPED.fullmatch(cell))
 
 
 def is_stamp(cell: str) -> bool:
     """Whether a cell is a date or a time of day."""
-    return len(cell) > 3 and bool(STAMP.fullmatch(cell)) and not cell.replace(".", "").isdigit()
+    plain = bool(STAMP.fullmatch(cell)) and not cell.replace(".", "").isdigit()
+    return len(cell) > 3 and (plain or is_odd_stamp(cell))
 
 
 def has_units(lines: Sequence[str]) -> bool:
@@ -145,6 +150,7 @@ def has_units(lines: Sequence[str]) -> bool:
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Cut a line at its delimiters; no cells of what cannot be cut."""
     if delimiter == BLANKS:
+        line = _DATED.sub(r"\1-\2-\3T", line)
         if '"' not in line:
             return line.split()
         line = re.sub(r"[ \t]+", " ", line.strip())

@@ -27,10 +27,25 @@ _TEXT = re.compile(
     r"(?:(?P<h>\d{1,3}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?\s*(?P<half>[AaPp][Mm])?)?"
     r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
 )
+_DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.58.12.250
+    r"(?P<year>(?:19|20)\d\d)[-/.:](?P<day>[0-3]\d\d)[-T./: ]"
+    r"(?P<clock>\d{2}[.:]\d{2}[.:]\d{2})(?P<rest>(?:[.,:]\d+)?(?:Z| ?UTC)?)"
+)
+_OF_AN_HOUR = re.compile(r"(\d{1,2}:\d{2}[.,]\d+)")  # Excel's mm:ss.0
+_HOUR_S = 3600.0
+
+
+def is_odd_stamp(text: str) -> bool:
+    """Whether a text is a day of a year with its time, or minutes and seconds with a fraction."""
+    return bool(_DAY_OF_YEAR.fullmatch(text) or _OF_AN_HOUR.fullmatch(text))
 
 
 def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
     """Seconds (n,) of stamps, NaN where a cell is empty; None where one of them is no stamp."""
+    first = next((cell.strip() for cell in cells if cell and cell.strip()), "")
+    if _OF_AN_HOUR.fullmatch(first):
+        hours = seconds_of([f"0:{cell.strip()}" if cell and cell.strip() else cell for cell in cells])
+        return None if hours is None else past_full(hours, _HOUR_S)
     month_first = _month_first(cells)
     days: dict[str, float] = {}
     found = np.full(len(cells), np.nan)
@@ -39,6 +54,8 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
         text = "" if cell is None else cell.strip()
         if not text:
             continue
+        if (of_year := _DAY_OF_YEAR.fullmatch(text)) is not None:
+            text = _as_date(of_year)
         match = _TEXT.fullmatch(text)
         if match is None or not (match["date"] or match["h"]):
             return None
@@ -59,11 +76,22 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
 
 def past_midnight(seconds: Float64Array) -> Float64Array:
     """Add a day wherever times of day (n,) begin anew."""
+    return past_full(seconds, DAY_S)
+
+
+def past_full(seconds: Float64Array, full_s: float) -> Float64Array:
+    """Add a day, or an hour [s], wherever times of it (n,) begin anew."""
     filled = np.flatnonzero(np.isfinite(seconds))
-    falls = np.diff(seconds[filled]) < -0.5 * DAY_S
-    days = np.zeros(len(seconds))
-    days[filled[1:]] = np.cumsum(falls)
-    return np.asarray(seconds + DAY_S * days)
+    falls = np.diff(seconds[filled]) < -0.5 * full_s
+    times = np.zeros(len(seconds))
+    times[filled[1:]] = np.cumsum(falls)
+    return np.asarray(seconds + full_s * times)
+
+
+def _as_date(match: re.Match[str]) -> str:
+    """A day of a year, with its time, as a date."""
+    date = datetime.date(int(match["year"]), 1, 1) + datetime.timedelta(days=int(match["day"]) - 1)
+    return f"{date.isoformat()}T{match['clock'].replace('.', ':')}{match['rest']}"
 
 
 def _of_day(match: re.Match[str]) -> float:
