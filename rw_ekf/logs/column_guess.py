@@ -25,6 +25,7 @@ _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
 )  # fmt: skip
 _WARM_DEGC = 10.0  # T_C alone is below it: a Coulomb torque, in whatever unit, or of no use to know
+_UPWARD = 0.01  # of the rows at most: late ones, where the newest stands first
 _STEADY = 0.5  # of its step: so evenly goes a counter that is a clock, and not the angle of a wheel that turns
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
@@ -51,6 +52,10 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
         guess.options["only"] = {"column": told.only[0], "value": told.only[1]}
         table = table.of_only(*told.only)
     columns = columns_of(table)
+    if _newest_first(columns):
+        guess.options["reverse"] = True
+        table = table.reversed()
+        columns = columns_of(table)
     clock = _find_time(table, columns, told, guess)
     time_s = None if clock is None else clock.time_s
     left = [column for column in columns if clock is None or column.number != clock.number]
@@ -61,6 +66,12 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
     told.add_unasked(guess)
     ask_what_is_open(table, columns, told, guess)
     return guess
+
+
+def _newest_first(columns: list[Column]) -> bool:
+    """Whether all times fall from row to row, as in what a web page exports; what counts down the motion tells."""
+    times = [c.values for c in columns if c.role == "time" and np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
+    return bool(times) and all(values[-1] < values[0] and np.mean(np.diff(values) > 0.0) < _UPWARD for values in times)
 
 
 def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Guess) -> Clock | None:
@@ -84,6 +95,8 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
             text = f"{both[0][1].shown} and {both[1][1].shown} do not tell the same time: which is the speed's?"
             guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
             return clock
+        if clock.repeats and _rows_again(clock, columns):
+            clock.repeats = "drop"
         _take_clock(clock, columns[clock.number], told, guess)
         return clock
     counter = _counter(table, columns)
@@ -100,6 +113,12 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     text = "no column is known to be the time: --set time=COLUMN, or `rate_hz` in the map."
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
+
+
+def _rows_again(clock: Clock, columns: list[Column]) -> bool:
+    """Whether rows of one time are the same throughout: written twice, and no coarse stamps."""
+    again = np.diff(clock.time_s) == 0.0
+    return all(np.array_equal(c.values[1:][again], c.values[:-1][again], equal_nan=True) for c in columns)
 
 
 def _contradict(one: Clock, other: Clock) -> bool:

@@ -34,6 +34,7 @@ _EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a strok
     re.IGNORECASE,
 )
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
+_DERIVATIVE = re.compile(r"\bder\(")  # of what stands behind it, in Modelica
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
 
@@ -83,7 +84,7 @@ class Said(NamedTuple):
 
 def said_by(name: str) -> Said:
     """Take a name apart."""
-    name = _EVERY.sub("", name)
+    name = _DERIVATIVE.sub("derivative (", _EVERY.sub("", name))
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
         bare, text, unit = _split(match["name"])
@@ -172,6 +173,8 @@ def role_of(said: Said) -> Role:
     if said.has("neither"):
         return "other"
     role = _by_words(said) if said.unit is None else _BY_QUANTITY.get(said.unit.quantity, "other")
+    if said.unit is None and said.any_of("derivative"):
+        role = "speed" if role == "angle" else "other"
     if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
         alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower()}
         return "time" if alone or said.says_time else "other"

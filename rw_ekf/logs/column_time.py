@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +30,9 @@ _COUNTER_WORDS = r"(?:tick|clock|timer|counter|counts|interrupt|cycle|takt|zaehl
 _TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE)
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
+_STEP_NUMBER = r"\d*\.?\d+(?:e[+-]?\d+)?"
+_STEPS = re.compile(rf"\W*(?:d_?t|h[_ ]?resolution)\W+({_STEP_NUMBER}(?:[\s,;]+{_STEP_NUMBER})*)\W*", re.IGNORECASE)
+_STEPS_IN_S = re.compile(r"\W*(?:h[_ ]?unit\W+s\b|start times?\b|t_?0\b)", re.IGNORECASE)  # as a recorder has them
 _OTHER_RATE = re.compile(
     r"every|loop|accelero|vibrat|imu\b|camera|excit|chirp|\badc\b|\bdac\b|oversampl|decimat|averag|anregung|"
     r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt",
@@ -74,6 +77,8 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     run = restarted(time_s)
     clock.restarts = bool(run[-1])
     inside = np.diff(run) == 0
+    if not inside.any():
+        return None
     back = float(np.mean(step[inside] < 0.0))
     part = int(run[-1]) > 2 and float(np.ptp(time_s)) < 1.0 and float(step.min()) < -_PART_OF_A_SECOND
     clock.is_clock = back < _BACKWARD and (bool(asks) or _usual(step[inside])) and not part
@@ -178,12 +183,15 @@ def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
     return None
 
 
-def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
+def rate_in(texts: Sequence[str]) -> tuple[float, str] | None:
     """Rows a second, and the words that say so, where lines above the names have them and agree."""
     found: list[tuple[float, str]] = []
+    recorded = any(map(_STEPS_IN_S.match, texts))
     for text in texts:
         if _OTHER_RATE.search(text):
             continue
+        if recorded and (step := _STEPS.fullmatch(text)) is not None:  # a step [s] for each channel
+            found += [(1.0 / float(each), text.strip()) for each in re.split(r"[\s,;]+", step[1]) if float(each) > 0.0]
         match = re.search(
             r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(k?hz|k?S/s|k?sps|samples/s|ms|us|s(?:ec\w*)?)\b",
             text,

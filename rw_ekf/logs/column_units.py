@@ -112,7 +112,7 @@ _PUBLISHED = (
     (re.compile(r"(.*[._])?(pos_estimate|pos_setpoint|input_pos)"), "turns"),
     (re.compile(r"(.*[._])?i[qd]_(measured|setpoint)", re.IGNORECASE), "A"),
     # VESC Tool, real-time data: the position in sixths of an electrical turn, the speed in electrical turns a minute
-    (re.compile(r"tacho(meter)?(_value|_abs(_value)?)?"), "steps"),
+    (re.compile(r"tacho(_?meter)?(_value|_abs(_value)?)?"), "steps"),
     (re.compile(r"(.*[._])?erpm"), "erpm"),
     # ROS, sensor_msgs/JointState of a joint that turns, as `rostopic echo -p` names its columns
     # and PlotJuggler its curves

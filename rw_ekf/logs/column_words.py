@@ -60,7 +60,8 @@ WORDS: dict[str, frozenset[str]] = {
         "count": """
             count counter id idx index line no nr number packet record row sample samples seq step tick """,
         "direct": """
-            d daxis id reactive ud vd """,
+            d daxis feldbildend fieldgenerating fieldproducing fluxproducing id magnetising magnetizing reactive ud
+            vd """,
         "neither": """
             efficiency energie energy err error fehler leistung potencia power puissance wirkungsgrad """,
         "derived": """

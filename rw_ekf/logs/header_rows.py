@@ -14,7 +14,7 @@ from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, spli
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
-    "units": re.compile(r"((vertical|y) )?(units?|einheit(en)?|unités?|unidad(es)?)|y_unit_label", re.IGNORECASE),
+    "units": re.compile(r"((vertical|[yv]) ?)?(units?|einheit(en)?|unités?|unidad(es)?)|y_unit_label", re.IGNORECASE),
     "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
     "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
 }
@@ -22,11 +22,14 @@ _SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scop
 _MOST_REMARKS = 3  # lines of them below the units
 _KEYED = re.compile(r"([^\W\d][\w ]*?): *(.*)")
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
-_COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
+_RULE = re.compile(r"(?=.*[-=_]{3})[-=_+|:,;\s]+")  # drawn below the names
+_COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*|^C(?=\s{2})\s*")  # the last in Fortran
+_SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no name: an inertia above the columns
 
 
 def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
+    before = _with_their_labels(["" if _RULE.fullmatch(line) else line for line in before], layout)
     described = _described(before[skip_rows:], layout)
     keyed = "units" in described
     above = [
@@ -94,6 +97,8 @@ def _by_position(
                 break
             continue
         if any(bare[end - 1 : end + 1].strip() and " " not in bare[end - 1 : end + 1] for end in at if end < len(bare)):
+            break
+        if _SETTING.search(bare):
             break
         cells = [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)]
         if bare != line.expandtabs() and not all(cells):  # a comment on the run, and not on its columns
@@ -171,8 +176,8 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
             continue
         key = next((kind for kind, words in _ROW_KEYS.items() if words.fullmatch(cells[0].strip(" #%:"))), "")
         if key and not (key == "names" and key in found):
-            found[key] = ("", *cells[1:])
-        elsewhere = len(cells) > 2  # the key stands above each time, of which there may be several: Name, a, b, Name, c
+            found[key] = tuple(cells[1:]) if len(cells) > layout.width else ("", *cells[1:])
+        elsewhere = 2 < len(cells) <= layout.width  # the key stands above each time: Name, a, b, Name, c
         if elsewhere and key and len(cells) >= len(found.get(key, ())):
             found[key] = tuple("" if cell == cells[0] else cell for cell in cells)
         elif elsewhere and (sampled := _SAMPLED.fullmatch(cells[0])):
@@ -182,6 +187,17 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
             map(_either, _fitted(found.pop("times"), layout.width), _fitted(found["names"], layout.width))
         )
     return found
+
+
+def _with_their_labels(before: list[str], layout: TextLayout) -> list[str]:
+    """Lines above the rows, a label that has a line of its own (`dt:`, SignalExpress) in front of what it labels."""
+    lines = list(before)
+    for at, (line, after) in enumerate(itertools.pairwise(before)):
+        if re.fullmatch(r"[^\W\d][^:=]*:\s*", line) and len(layout.filled(after)) == layout.width:
+            lines[at : at + 2] = ["", f"{line.strip()}{layout.delimiter}{after}"]
+    if lines and re.fullmatch(r"\w+:\s*", lines[-1]):  # of the rows
+        lines[-1] = ""
+    return lines
 
 
 def _either(first: str, second: str) -> str:

@@ -65,8 +65,8 @@ def map_of_guess(guess: Guess, log: str, given: ColumnMap) -> ColumnMap:
     from rw_ekf.logs.column_map_file import column_map_from
 
     found = column_map_from(parse_yaml(map_text(guess, log) + "{}\n" * (not guess.mapping()), f"columns of {log}"))
-    return replace(found, csv=given.csv, decimate=given.decimate, reverse=given.reverse, variable=given.variable,
-                   layout=given.layout, dbc=given.dbc)  # fmt: skip
+    return replace(found, csv=given.csv, decimate=given.decimate, reverse=given.reverse or found.reverse,
+                   variable=given.variable, layout=given.layout, dbc=given.dbc)  # fmt: skip
 
 
 def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:

@@ -2,6 +2,7 @@
 
     12:34:56.102 -> 58,-810.0,-410.0            a serial monitor's
     [   312 ms] n= -1957 rpm  i=-0.484 A        labelled, with units
+    <inf> rw: speed -195.7 rpm, current 484 mA  by words, with units
     {'t': 0.097, 'spd': 59.4, 'cur': 238}       a printed dictionary
 
 Both are made rows of cells here, line by line, so that all else goes on as with any table.
@@ -44,6 +45,9 @@ _TERSE = re.compile(
 )
 
 
+_BY_WORDS = re.compile(rf"(?P<key>[^\W\d][\w ]*?) (?P<value>{_NUMBER}) ?(?P<unit>{_UNIT})")
+_PROSE = re.compile(rf"(?:.*[:>\]]\s*)?{_BY_WORDS.pattern}")
+_MICROSECONDS = re.compile(r"^(\W*\d+:\d\d:\d\d\.\d{3}),(\d{3})(?!\d)")  # Zephyr's stamp
 _PROCESS = re.compile(r"\[\d+\]:?")
 _LEVEL = re.compile(r"\b(?:debug|info|notice|warn(?:ing)?|error)\b|^\W*\d+\.\d+", re.IGNORECASE)  # or an uptime
 
@@ -98,7 +102,8 @@ def who_says(line: str) -> tuple[str, str]:
     line = _ESP_IDF.sub(r"\2", _COLOUR.sub("", line), 1)
     stamp = _ANY_STAMP.fullmatch(line)
     rest = line if stamp is None else stamp["rest"]
-    label = _TERSE.search(_PROCESS.sub(lambda match: "\0" * len(match[0]), rest))
+    masked = _PROCESS.sub(lambda match: "\0" * len(match[0]), rest)
+    label = _TERSE.search(masked) or _BY_WORDS.search(masked)
     head = rest[: label.start()] if label else ""
     process = _PROCESS.search(head)
     return _LEVEL.sub("", _PROCESS.sub("", head)), process[0] if process else ""
@@ -110,6 +115,7 @@ def _labelled(line: str) -> list[tuple[str, str, str]]:
     line = _COLOUR.sub("", line)
     if (match := _ESP_IDF.match(line)) is not None:
         line = f"{match[1]} ms{line[match.end(1) :]}"
+    line = _MICROSECONDS.sub(r"\1\2", line)
     stamp = _ANY_STAMP.fullmatch(line)
     if stamp is not None:
         found.append((_RECEIVED, stamp["stamp"], ""))
@@ -121,6 +127,8 @@ def _labelled(line: str) -> list[tuple[str, str, str]]:
     line = _DECIMAL_COMMA.sub(r"\1.", re.sub(r"([=:])\s+", r"\1", line))
     for piece in filter(None, map(str.strip, _PIECES.split(line))):
         whole = _SPOKEN.fullmatch(piece)
+        spelt = None if whole else _PROSE.fullmatch(piece)  # `speed -12.5 rpm`: a unit that is known, or it is prose
+        whole = spelt if spelt is not None and unit_of(spelt["unit"]) is not None else whole
         for match in [whole] if whole else _TERSE.finditer(piece):
             value = "nan" if match["value"] in ("None", "null") else match["value"]
             found.append((match["key"].strip(" '\"([<"), value, match["unit"] or ""))

@@ -121,11 +121,11 @@ def layout_of(
 def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, TextLayout, float, int]:
     """Index of the first row of data, the layout with their width (0: there is none), how well and how many agree."""
     widths: list[int] = []
-    begun: list[bool] = []  # whether the first cell of a line is a value
+    begun: list[bool] = []  # whether a line begins with a value, or an empty cell
     numbers = 0
     for index, line in enumerate(lines[:_LOOKED_AT]):
         cells = layout.filled(line) if index >= skip_rows else []
-        begun.append(bool(cells) and layout.is_value(cells[0]))
+        begun.append(bool(cells) and (not cells[0] or layout.is_value(cells[0])))
         if not layout.is_data(cells):
             widths.append(0)
             continue

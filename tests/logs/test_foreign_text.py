@@ -270,6 +270,62 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "t [s],speed_ref [rpm],speed [rpm],i_ref [A],i_q [A],i_d [A],v_bus [V],status",
         lambda i, t, w, c: f"{t!r},{w * RPM + 3!r},{w * RPM!r},{c!r},{c!r},0.01,24.1,0",
     ).encode(),
+    "labels in lines of their own, a step for each channel": lambda r: _table(
+        r, "channel names:\nMod1_Wheel speed [deg/s]\tMod2_Motor current [mA]\nstart times:\n"
+        "03/29/2026 11:59:50 PM\t03/29/2026 11:59:50 PM\ndt:\n0.100000\t0.100000\ndata:",
+        lambda i, t, w, c: f"{math.degrees(w)!r}\t{c * MA!r}", "\r\n",
+    ).encode(),
+    "blocks of a recorder, rows below an empty cell": lambda r: _table(
+        r, '"Header Size",16\n"TraceName","Speed","Current"\n"BlockSize",600,600\n"VUnit","rpm","A"\n'
+        '"SampleRate",1.0E+01,1.0E+01\n"HResolution",1.0E-01,1.0E-01\n"HOffset",0.0E+00,0.0E+00\n'
+        '"HUnit","s","s"\n"DisplayPointNo.",1,1\n"Date","2026/03/29","2026/03/29"\n',
+        lambda i, t, w, c: f",{w * RPM!r},{c!r}",
+    ).encode(),
+    "ruled names, blanks within the stamps": lambda r: _table(
+        r, f"{'29 Mar 2026 23:59:50':>70}\nSatellite-Sat1-Wheel-RW1\n\n\n       Time (UTCG)       Wheel Speed (rev/min)"
+        "  Wheel Current (amp)\n------------------------  ---------------------  -------------------",
+        lambda i, t, w, c: f"{_at(t):%d %b %Y %H:%M:%S.%f}  {w * RPM!r:>23}  {c!r:>23}",
+    ).encode(),
+    "an inertia above the columns, in Fortran": lambda r: _table(
+        r, "     INERTIA(KG-M2)          KT(N-M/A)\n         0.1200D-03         0.1200D-01\n"
+        "         TIME               RATE               CURRENT\n         SEC              RAD/SEC               AMP",
+        lambda i, t, w, c: "".join(f"{x:23.14E}".replace("E", "D") for x in (t, w, c)),
+    ).encode(),
+    "comments of Fortran 77": lambda r: _table(
+        r, "C     RUN 17    INERTIA   1.2000E-04\nC     TIME      OMEGA    CURRENT\nC     S         RAD/S    A",
+        lambda i, t, w, c: f"  {t!r}  {w!r}  {c!r}",
+    ).encode(),
+    "two currents of a drive, by what they build": lambda r: _table(
+        r, "Index;Zeit [ms];r63: Drehzahlistwert [1/min];r76: Stromistwert feldbildend [A];"
+        "r78: Stromistwert momentenbildend [A]",
+        lambda i, t, w, c: f"{i};{_comma(1e3 * t)};{_comma(w * RPM)};{_comma(0.01 + 0.001 * (i % 3))};{_comma(c)}",
+    ).encode(),
+    "derivatives beside it, rows of events twice": lambda r: _table(
+        r, "time,wheel.phi,wheel.w,der(wheel.phi),der(wheel.w),emf.i [A]",
+        lambda i, t, w, c: "\n".join([f"{t!r},{3.0 * t!r},{w!r},{w!r},{c!r},{c!r}"] * (1 + (i % 50 == 0))),
+    ).encode(),
+    "words before the numbers, units behind them": lambda r: _table(
+        r, "*** Booting Zephyr OS ***",
+        lambda i, t, w, c: f"[00:{int(t) // 60:02d}:{int(t) % 60:02d}.{round(t * 1e3) % 1000:03d},000] <inf> rw: "
+        f"wheel speed {w * RPM:.9f} rpm, motor current {c * MA:.9f} mA, duty 0.25",
+    ).encode(),
+    "units of two words in the cells": lambda r: _table(
+        r, "t,\u03c9,i", lambda i, t, w, c: f"{t!r} s,{w!r} rad s^-1,{c!r} A"
+    ).encode(),
+    "minutes and seconds, the hour left out": lambda r: _table(
+        r, "Time,Speed,Current\nmm:ss.0,rpm,A", lambda i, t, w, c: f"{_at(t):%M:%S.%f},{w * RPM!r},{c!r}"
+    ).encode(),
+    "days of the year": lambda r: _table(
+        r, "Time (UTC),RW1_SPEED,RW1_CURRENT\n,RPM,A",
+        lambda i, t, w, c: f"{_at(t):%Y-%jT%H:%M:%S.%f}Z,{w * RPM!r},{c!r}",
+    ).encode(),
+    "days of the year between points": lambda r: _table(
+        r, "Time,RW1 SPD [rpm],RW1 CUR [A]", lambda i, t, w, c: f"{_at(t):%Y.%j.%H.%M.%S.%f},{w * RPM!r},{c!r}"
+    ).encode(),
+    "the newest row first": lambda r: _table(
+        r[::-1], "timestamp,rw_speed_rpm,rw_current_mA,remark",
+        lambda i, t, w, c: f"{_at(t).isoformat(timespec='microseconds')},{w * RPM!r},{c * MA!r},nominal",
+    ).encode(),
 }  # fmt: skip
 
 
