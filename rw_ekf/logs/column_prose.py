@@ -76,6 +76,7 @@ _STOPPED = re.compile(
     r"resistor|widerstand)\b",
     re.IGNORECASE,
 )
+_SENSITIVITY = re.compile(r"\d\s*(m?V\s*(/|per|pro)\s*m?A|m?A\s*(/|per|pro)\s*m?V)\b")  # of a probe, a shunt
 _IN_MA = r"(?i:\b(?:in|all|currents?|strom|ströme)\b[^\n]{0,12})\b(mA)\b"
 _TIME_UNIT = re.compile(
     r"\b(minutes?|hours?|ticks?|hundredths|100 ?ns|centiseconds?|every \d+(?!\d*(st|nd|rd|th)))\b", re.I
@@ -105,6 +106,9 @@ def hint_about(line: Line, column: Column | None, table: RawTable, words: Sequen
         kept = (text for text in texts if not (hint.is_factor and _is_no_factor(text, hint)))
         if found := _quoted(hint.words, kept, hint.asked):
             return found
+    probed = table.preamble if line.assumed and line.name.startswith("current") else ()
+    if found := _quoted(_SENSITIVITY, probed, "are its numbers amperes by now?"):
+        return found
     if found := _formula(column, table.preamble):
         return found
     return _other_unit(line, table.preamble)

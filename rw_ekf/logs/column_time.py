@@ -31,7 +31,10 @@ _TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _STEP_NUMBER = r"\d*\.?\d+(?:e[+-]?\d+)?"
-_STEPS = re.compile(rf"\W*(?:d_?t|h[_ ]?resolution)\W+({_STEP_NUMBER}(?:[\s,;]+{_STEP_NUMBER})*)\W*", re.IGNORECASE)
+_STEPS = re.compile(  # one for each channel: a `dt` alone is whoever's, and may be in ms
+    rf"\W*(?:d_?t(?=\W+{_STEP_NUMBER}[\s,;]+\d)|h[_ ]?resolution)\W+({_STEP_NUMBER}(?:[\s,;]+{_STEP_NUMBER})*)\W*",
+    re.IGNORECASE,
+)
 _STEPS_IN_S = re.compile(r"\W*(?:h[_ ]?unit\W+s\b|start times?\b|t_?0\b)", re.IGNORECASE)  # as a recorder has them
 _OTHER_RATE = re.compile(
     r"every|loop|accelero|vibrat|imu\b|camera|excit|chirp|\badc\b|\bdac\b|oversampl|decimat|averag|anregung|"

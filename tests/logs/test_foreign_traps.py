@@ -540,3 +540,36 @@ def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
         assert any(question.name.startswith("current") for question in found.questions), head
     text = "t_s,rpm,voltage [V]\n" + "".join(f"{t:.1f},{w:.3f},{12.05 + 1e-4 * w:.4f}\n" for t, w in fall)
     assert [question.name for question in _guess(tmp_path / "b.csv", text).guess.questions] == ["current_A"]
+
+
+def test_a_probe_s_sensitivity_beside_a_current_without_a_unit_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Volts of a probe look like amperes; where the name says the unit, the line is about the probe alone."""
+    for name, open_ in (("current", ["current_A"]), ("current [A]", [])):
+        text = f"# current probe 100 mV/A, range 10 A\nt_s,speed_rpm,{name}"
+        found = _guess(tmp_path / "a.csv", _csv(run, text, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+        assert [question.name for question in found.guess.questions] == open_
+
+
+def test_a_step_of_time_without_a_unit_is_a_recorder_s_or_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`dt: 10` may be in ms, and so may a recorder's whose axis is in ms."""
+    for head in ("t0: 0\ndt: 10", "start times:\n10:00:00\t10:00:00\nstep:\n0.1\t0.1"):
+        found = _guess(
+            tmp_path / "a.csv", _csv(run, f"{head}\nspeed [rpm]\tcurrent [A]", lambda i, t, w, c: f"{w * RPM!r}\t{c!r}")
+        )
+        assert [question.name for question in found.guess.questions] == ["time_s"]
+
+
+def test_two_devices_that_speak_in_words_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Lines without `=` or `:` before the numbers, of two tags in turn; a supply's current, too."""
+    for tags, current in ((("rw1", "rw2"), "current"), (("rw1", "rw1"), "supply current")):
+        found = _guess(
+            tmp_path / "a.log",
+            _csv(
+                run,
+                "boot",
+                lambda i, t, w, c, tags=tags, current=current: (  # type: ignore[misc]
+                    f"[00:00:{t:06.3f},000] <inf> {tags[i % 2]}: speed {w * RPM:.6f} rpm, {current} {c * 1e3:.6f} mA"
+                ),
+            ),
+        )
+        assert not found.guess.is_certain
