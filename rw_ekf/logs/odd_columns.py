@@ -94,7 +94,7 @@ def mark_of_missing(values: Float64Array) -> float | None:
         level = mark not in _NO_COMMAND and not beyond and np.unique(others[others != 0.0]).size <= _LEVELS
         if not often or level or others.size <= known.size // 2:
             continue
-        if float(np.min(np.abs(others - mark))) > _APART * size < float(np.min(np.abs(others + mark))):
+        if float(np.min(np.abs(np.abs(others / mark) - 1.0))) > _APART:  # nor near its opposite: a drive to both ends
             return mark
     return None
 
