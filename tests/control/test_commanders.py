@@ -105,8 +105,10 @@ def test_profile_none_never_writes_and_logs_what_the_other_controller_did(bench:
     assert bench.registers.command_A != 0.0
     log = ran.log
     assert set(np.round(log.current_A, 6)) <= {-0.05, 0.0, 0.05}
-    reported = log.channels["current_A"]
-    assert np.array_equal(np.round(reported[1:], 6), np.round(log.current_A[:-1], 6))
+    reported = log.channels["current_A"][1:]
+    heard = np.isfinite(reported)  # a reply may be late on a busy machine, and its row has none
+    assert heard.sum() > 15
+    assert np.array_equal(np.round(reported[heard], 6), np.round(log.current_A[:-1][heard], 6))
     assert ran.outcome.statistics.rejected <= 2
 
 
