@@ -28,7 +28,7 @@ _NOTE = re.compile(r"Note\s+(?P<name>'[^']+'|[^\s,]+),?\s*\"(?P<text>[^\"]*)\"",
 _DATES = "dat"  # unit of an axis of dates, in seconds
 
 
-@dataclass
+@dataclass(eq=False)
 class _Wave:
     """One wave of n numbers."""
 
