@@ -5,10 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+# What a process had before it became another program counts as that one's, so that a small one has to start it.
+_LAUNCH = """import os, sys
+_, status, used = os.wait4(os.posix_spawnp(sys.argv[2], sys.argv[2:], os.environ), 0)
+with open(sys.argv[1], "w") as found:
+    found.write(f"{used.ru_utime + used.ru_stime} {used.ru_maxrss}")
+sys.exit(os.waitstatus_to_exitcode(status))"""
 
 
 class Spent(NamedTuple):
@@ -24,14 +32,13 @@ def spent(command: Sequence[str], root: Path | None = None) -> Spent:
     root: of the checkout whose code it shall run; None: this one's. Raises SystemExit where the command fails.
     """
     environment = None if root is None else {**os.environ, "PYTHONPATH": str(root)}
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, cwd=root, env=environment, stdout=subprocess.DEVNULL, stderr=said)
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        said.seek(0)
-        if process.returncode != 0:
-            raise SystemExit(f"{' '.join(command)}: status {process.returncode}: {said.read().decode().strip()}")
-    return Spent(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0)
+    with tempfile.NamedTemporaryFile("r") as found:
+        launched = [sys.executable, "-I", "-S", "-c", _LAUNCH, found.name, *command]
+        done = subprocess.run(launched, cwd=root, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise SystemExit(f"{' '.join(command)}: status {done.returncode}: {done.stderr.strip()}")
+        seconds, kilobytes = found.read().split()
+    return Spent(float(seconds), float(kilobytes) / 1024.0)
 
 
 def add_other_checkout(parser: argparse.ArgumentParser) -> None:
