@@ -51,7 +51,7 @@ def wheel_log(path: Path, rows: int, seed: int, **more: float) -> Path:
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Logs above 4,000 rows are long, and read some thousand rows at a time."""
     monkeypatch.setattr(long_log, "LONG_ROWS", 4000)
-    monkeypatch.setattr(csv_table, "_BLOCK_OF_PARTS", 1 << 16)
+    monkeypatch.setattr(csv_table, "_ROWS_AT_ONCE", 1200)
     monkeypatch.setattr(parquet_table, "_ROWS_AT_ONCE", 2000)
 
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _BLOCK_BYTES = 1 << 22  # read and parsed at a time: a fifth less work than by pyarrow's own 1 MB
-_BLOCK_OF_PARTS = 1 << 20  # the same of a log that is not held as a whole: some forty thousand rows
+# Of a log that is not held as a whole: more than are looked at of a part, and half a megabyte of three columns.
+_ROWS_AT_ONCE, _MOST_BLOCK_BYTES = 20_000, 1 << 21
 _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
 _LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
 _LOOKED_AT_ROWS = 40
@@ -238,16 +239,17 @@ def csv_in_parts(
     stamps = _stamps(first_row, layout, len(names))
     numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
     file = CsvFile(text, layout, names, has_header, first_line, numeric)
-    size, shown = text.path.stat().st_size, max(head.count(b"\n") - first_line + 1, 1)
-    return InParts(int(size * shown / len(head)), lambda: _tables(file, name_shown, with_others))
+    size, a_row = text.path.stat().st_size, len(head) / max(head.count(b"\n") - first_line + 1, 1)
+    block = min(int(_ROWS_AT_ONCE * a_row), _MOST_BLOCK_BYTES)
+    return InParts(int(size / a_row), lambda: _tables(file, name_shown, block, with_others))
 
 
-def _tables(file: CsvFile, name_shown: str, with_others: bool) -> Iterator[RawTable]:
+def _tables(file: CsvFile, name_shown: str, block_bytes: int, with_others: bool) -> Iterator[RawTable]:
     """The tables of a file, block by block. Raises UnsoundError where pyarrow stumbles."""
     import pyarrow as pa
     import pyarrow.csv as pa_csv
 
-    read, parse, convert = _arrow_options(file, _BLOCK_OF_PARTS, guessing=with_others)
+    read, parse, convert = _arrow_options(file, block_bytes, guessing=with_others)
     place, first = csv_slow.place_finder(file), 0
     try:
         with file.text.for_arrow() as text, pa_csv.open_csv(text, read, parse, convert) as reader:

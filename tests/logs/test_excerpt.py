@@ -23,7 +23,7 @@ def test_the_rows_are_those_of_the_log_evenly_spread(
 ) -> None:
     """Each row is one of the log read as a whole, stretches are segments, and what is left out is counted."""
     monkeypatch.setattr(long_log, "LONG_ROWS", 640)
-    monkeypatch.setattr(csv_table, "_BLOCK_OF_PARTS", 9000)
+    monkeypatch.setattr(csv_table, "_ROWS_AT_ONCE", 150)
     monkeypatch.setattr(parquet_table, "_ROWS_AT_ONCE", 257)
     path = tmp_path / f"log{suffix}"
     write_table(path, columns_of(4))

@@ -27,7 +27,7 @@ def _small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts of some hundred rows, each with a second of the one before."""
     monkeypatch.setattr(long_log, "LONG_ROWS", 1000)
     monkeypatch.setattr(long_log, "BEFORE_S", 1.0)
-    monkeypatch.setattr(csv_table, "_BLOCK_OF_PARTS", 9000)
+    monkeypatch.setattr(csv_table, "_ROWS_AT_ONCE", 150)
     monkeypatch.setattr(parquet_table, "_ROWS_AT_ONCE", 257)
 
 
