@@ -134,8 +134,8 @@ def hindsight_of_part(course: Course, setup: FilterSetup) -> PartHindsight:
     for noise in noises if len(noises) > 1 else ():
         again = second_look(course, steady.constants.with_acceleration_noise(noise), setup.prior, first, setup.effects)
         over_noises += [] if again is None else [(1.0, again[0])]
-    middle = replace(alone, constants=setup.constants.with_acceleration_noise(steady.constants.acceleration_noise))
-    middle = replace(middle, constants=middle.constants.with_stribeck_speed(steady.constants.stribeck.omega_s))
+    wandering = setup.constants.with_stribeck_speed(steady.constants.stribeck.omega_s)
+    middle = replace(alone, constants=wandering.with_acceleration_noise(steady.constants.acceleration_noise))
     return PartHindsight(middle, first, _weighed(over_noises), _weighed(over_shapes))
 
 

@@ -20,18 +20,16 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import Consistency
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.filter.physician import findings
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
 from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
-from rw_ekf.identify.noise_colour import independent_readings
+from rw_ekf.identify.noise_colour import NoiseColour, independent_readings
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.record_print import made_of
 from rw_ekf.logs.run_directory import start_path
-from rw_ekf.logs.sampling import sampling_of, without_repeats
+from rw_ekf.logs.sampling import Sampling, sampling_of, without_repeats
 from rw_ekf.logs.sums import changed
 from rw_ekf.logs.tables import table_of
-from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import plus_minus
 from rw_ekf.pass_sums import PassSums
@@ -49,7 +47,6 @@ from rw_ekf.starting_point import (
 )
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
-from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import read_model
 
 if TYPE_CHECKING:
@@ -60,9 +57,6 @@ if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
-
-_BEYOND = 0.02  # of a log, beyond a law's range, that is told
-_FEW_SAMPLES = 20
 
 
 @dataclass(eq=False, frozen=True, repr=False)
@@ -160,7 +154,7 @@ def replay_log(
     and filterpy; `advance` is then told of every 100 samples done.
     """
     began_s = time.perf_counter()
-    noise_from = None if setup is not None or configuration is not None else "the model" if model else "the record"
+    noise_from = teller_of_noise(configuration, model, setup)
     again = None if model is None else made_of(model.source, log)
     # A run goes on from its own start just as it went: every reading that it took then.
     log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
@@ -193,21 +187,14 @@ def replay_log(
             run = filtered(course, setup, keep_states=with_columns, keep_history=smooth)
         sums = PassSums.of(setup)
         sums.add(course, run)
+        sums.refuse_runaway()
         belief = belief_of_log(course, setup, run) if with_hindsight else Belief(run.mean, run.covariance)
         consistency = judge_log(course, setup, belief)
-    beyond = BeyondLaws(setup.effects)
-    beyond.add(course)
     warnings = [
         *odd,
-        *sampling.remarks(),
-        *log.warnings,
-        *(() if model is None else model.remarks),
-        *([] if again is None else [again]),
-        *([] if colour is None else [colour.sentence]),
+        *told_of_log(log, sampling, model, again, colour),
         *setup.notes,
-        *remarks_of(sums.statistics, setup, driven=bool(np.any(log.current_A != 0.0))),
-        *beyond.sentences(),
-        *findings(sums.troubles),
+        *sums.remarks(driven=bool(np.any(log.current_A != 0.0))),
         *consistency.warnings(),
     ]
     columns = columns_of_run(log, run, setup, smooth=smooth) if with_columns else None
@@ -216,6 +203,35 @@ def replay_log(
         log, setup, belief, sums.statistics, consistency, tuple(warnings), columns, as_it_went, noise_from,
         time.perf_counter() - began_s, len(sums.troubles),
     )  # fmt: skip
+
+
+def told_of_log(
+    log: WheelLog | LongLog,
+    sampling: Sampling,
+    model: WheelModel | None,
+    again: str | None,
+    colour: NoiseColour | None,
+) -> list[str]:
+    """What is told of a log and of the model that was given for it, before anything of the filter.
+
+    again: that the model was made of this very log. colour: of the readings' noise.
+    """
+    return [
+        *sampling.remarks(),
+        *log.warnings,
+        *(() if model is None else model.remarks),
+        *([] if again is None else [again]),
+        *([] if colour is None else [colour.sentence]),
+    ]
+
+
+def teller_of_noise(
+    configuration: Configuration | None, model: WheelModel | None, setup: FilterSetup | None
+) -> str | None:
+    """Who told the readings' noise, where nobody was asked to."""
+    if setup is not None or configuration is not None:
+        return None
+    return "the model" if model else "the record"
 
 
 def setup_of_run(log: Path) -> FilterSetup:
@@ -249,7 +265,9 @@ def refuse_runaway_model(log: str, course: Course, setup: FilterSetup, model: Wh
     """Raise BadInputError where the filter, set up from that model, goes beyond what any machine does in this log."""
     with blaming(model, log):
         run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects)
-        PassSums.of(setup).add(course, run)
+        sums = PassSums.of(setup)
+        sums.add(course, run)
+        sums.refuse_runaway()
 
 
 @contextmanager
@@ -287,62 +305,6 @@ def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:
 
 def _value(values: Float64Array | None, i: int) -> float | None:
     return None if values is None or np.isnan(values[i]) else float(values[i])
-
-
-def remarks_of(statistics: RunStatistics, setup: FilterSetup, *, driven: bool) -> list[str]:
-    """What a reader of the estimates must know of the readings that they come from."""
-    said = []
-    present = statistics.samples - statistics.missing
-    if present < _FEW_SAMPLES:
-        said.append(f"only {present} speed readings: the estimates are little more than the prior")
-    refused = statistics.gate_finding(setup.constants.gate)
-    if refused is not None:
-        said.append(refused)
-    if not driven:
-        said.append("the current is zero throughout: the motor gain cannot be learned from this log")
-    return said
-
-
-class BeyondLaws:
-    """How often a log goes beyond what the laws of a model were found over: they stay as they are at the edge."""
-
-    def __init__(self, effects: EffectSet) -> None:
-        self._laws = [term.law for term in effects.terms if term.law is not None]
-        self._beyond = [0] * len(self._laws)
-        self._rows = 0
-
-    def add(self, course: Course, begin: int = 0) -> None:
-        """Count the samples of a part from `begin` on."""
-        self._rows += course.samples - begin
-        for place, law in enumerate(self._laws):
-            values = _values_of(law, course)
-            if values is not None:
-                values = values[begin:]
-                self._beyond[place] += int(np.count_nonzero((values < law.first) | (values > law.last)))
-
-    def sentences(self) -> list[str]:
-        """A sentence for each law that a good part of the log is beyond."""
-        said = []
-        for law, beyond in zip(self._laws, self._beyond, strict=True):
-            share = beyond / max(self._rows, 1)
-            if share > _BEYOND:
-                said.append(
-                    f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
-                    f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be "
-                    "off; `rw-ekf diagnose LOG` finds it anew"
-                )
-        return said
-
-
-def _values_of(law: Law, course: Course) -> Float64Array | None:
-    """What a law is a function of, along a course; None where it is held on purpose, or comes round again."""
-    if law.quantity == "column":
-        return course.columns[:, law.slot] if course.columns.size else None
-    return {
-        "temperature": course.temperature_degC,
-        "speed": course.speed_rad_s,
-        "speed_size": np.abs(course.speed_rad_s),
-    }.get(law.quantity)
 
 
 def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object]) -> FilterRun:

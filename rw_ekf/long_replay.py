@@ -20,13 +20,12 @@ from rw_ekf.errors import LogError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.log_filter import LogFilter
-from rw_ekf.filter.physician import findings
 from rw_ekf.filter.second_look import Start
 from rw_ekf.hindsight import CLEARLY, hindsight_of_part, with_stribeck_speeds
 from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import NoiseColour, independent_readings
 from rw_ekf.identify.record_scale import most_moved
-from rw_ekf.log_replay import BeyondLaws, Run, blaming, columns_of_run, remarks_of
+from rw_ekf.log_replay import Run, blaming, columns_of_run, teller_of_noise, told_of_log
 from rw_ekf.logs.in_parts import UnsoundError
 from rw_ekf.logs.long_log import LogPart, LongLog
 from rw_ekf.logs.record_print import made_of
@@ -36,6 +35,7 @@ from rw_ekf.pass_sums import PassSums
 from rw_ekf.residual_judgement import JUDGED_SAMPLES, judge_log
 from rw_ekf.second_record import as_of_another_record, changes_with_time
 from rw_ekf.starting_point import FilterSetup, setup_of_record
+from rw_ekf.wheel.effect_table import NO_EFFECTS
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -60,10 +60,11 @@ def replay_long(
     where the log has to be read as a whole, and what `replay_log` raises.
     """
     began_s = time.perf_counter()
-    effects = None if setup is None and model is None else (setup or model).effects  # type: ignore[union-attr]
-    if configuration is None and setup is None and effects is not None and changes_with_time(effects):
+    known = setup or model
+    effects = NO_EFFECTS if known is None else known.effects
+    if configuration is None and setup is None and changes_with_time(effects):
         raise UnsoundError(f"{log.name}: when something begins is told from the whole of it")
-    parts = _Parts(log, () if effects is None else effects.columns, as_it_was=setup is not None)
+    parts = _Parts(log, effects.columns, as_it_was=setup is not None)
     with blaming(model, log.name):
         if setup is None and configuration is None:
             whole, colour = _back(parts, model, writers, advance)
@@ -77,21 +78,14 @@ def replay_long(
     sums = whole.sums
     warnings = [
         *warnings_of(*misreadings_and_questions(parts.busiest, described=described)),
-        *parts.sampling.remarks(),
-        *log.warnings,
-        *(() if model is None else model.remarks),
-        *([] if again is None else [again]),
-        *([] if colour is None else [colour.sentence]),
+        *told_of_log(log, parts.sampling, model, again, colour),
         *used.notes,
-        *remarks_of(sums.statistics, used, driven=parts.driven),
-        *whole.beyond.sentences(),
-        *findings(sums.troubles),
+        *sums.remarks(driven=parts.driven),
         *consistency.warnings(),
     ]
-    noise_from = None if setup is not None or configuration is not None else "the model" if model else "the record"
     return Run(
-        log, used, whole.belief, sums.statistics, consistency, tuple(warnings), None, whole.as_it_went, noise_from,
-        time.perf_counter() - began_s, len(sums.troubles),
+        log, used, whole.belief, sums.statistics, consistency, tuple(warnings), None, whole.as_it_went,
+        teller_of_noise(configuration, model, setup), time.perf_counter() - began_s, len(sums.troubles),
     )  # fmt: skip
 
 
@@ -102,7 +96,6 @@ class _Whole:
     setup: FilterSetup
     belief: Belief
     sums: PassSums
-    beyond: BeyondLaws
     as_it_went: Belief | None = None
 
 
@@ -169,12 +162,17 @@ class _Pass:
     """A filter on its way through the parts."""
 
     def __init__(self, setup: FilterSetup, start: Belief, *, wanders: bool) -> None:
+        self._begun = setup, start, wanders
         constants = setup.constants if wanders else without_drift(setup.constants)
         drift = setup.effect_drift if wanders else None
         self.setup = replace(setup, constants=constants)
         self.filter = LogFilter(constants, start.mean, start.covariance, setup.effects, drift, mends=True)
         self.sums = PassSums.of(setup)
-        self.beyond = BeyondLaws(setup.effects)
+
+    def anew(self) -> _Pass:
+        """The same before the first part."""
+        setup, start, wanders = self._begun
+        return _Pass(setup, start, wanders=wanders)
 
     @property
     def belief(self) -> Belief:
@@ -185,7 +183,6 @@ class _Pass:
         """Go on over a part; `writers` take its rows."""
         run = self.filter.over(course, part.begin, keep_states=bool(writers))
         self.sums.add(course, run, part.begin)
-        self.beyond.add(course, part.begin)
         if writers:
             rows = part.log.rows(slice(part.begin, None))
             columns = columns_of_run(rows, run.since(part.begin), self.setup, smooth=False)
@@ -212,7 +209,8 @@ def _forward(
     if found is None or setup is None:
         raise LogError("the log has no rows")
     parts.busiest  # noqa: B018 - a log without a single speed is none
-    return _Whole(setup, found.belief, found.sums, found.beyond)
+    found.sums.refuse_runaway()
+    return _Whole(setup, found.belief, found.sums)
 
 
 def _back(
@@ -239,15 +237,12 @@ def _back(
             way.over(log, course)
         advance(len(log.log) - log.begin)
     chosen = ways[-1] if ways[-1].sums.log_likelihood >= steady.sums.log_likelihood + CLEARLY else steady
+    chosen.sums.refuse_runaway()
     if writers:
-        again = _Pass(
-            part.setup,
-            setup.prior if start is None or chosen is not steady else start.belief,
-            wanders=chosen is not steady,
-        )
+        again = chosen.anew()
         for log, course in parts.courses():
             again.over(log, course, writers)
     found = chosen.belief
     if chosen is steady and start is not None and not steady.sums.was_reset:
         found = start.taken_from(found) or found
-    return _Whole(chosen.setup, part.of_whole(found), chosen.sums, chosen.beyond, chosen.belief), parts.colour
+    return _Whole(chosen.setup, part.of_whole(found), chosen.sums, chosen.belief), parts.colour

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import WILD, Course
 from rw_ekf.errors import FilterError
-from rw_ekf.filter import decisions, health
+from rw_ekf.filter import decisions
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
-from rw_ekf.filter.second_look import log_likelihood, was_reset
+from rw_ekf.filter.second_look import log_likelihood, resets_of
+from rw_ekf.model.law import Law
 from rw_ekf.records import FilterTrouble
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.statistics import RunStatistics
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
+_BEYOND = 0.02  # of a log, beyond a law's range, that is told
+_FEW_SAMPLES = 20
 _BREAKAGES = 3  # of the filter's arithmetic in one log: more is no accident
 
 
@@ -30,39 +36,94 @@ class PassSums:
     worst_rad_s: float = 0.0  # by which a prediction missed, gated or not
     troubles: list[FilterTrouble] = field(default_factory=list)  # that led to resets, in order
     was_reset: bool = False  # whether the parameters were
+    beyond: BeyondLaws = field(default_factory=lambda: BeyondLaws(NO_EFFECTS))
 
     @classmethod
     def of(cls, setup: FilterSetup) -> PassSums:
         """Before the first sample of a filter that starts so."""
-        found = cls(setup.constants.gate)
+        found = cls(setup.constants.gate, beyond=BeyondLaws(setup.effects))
         found.statistics.points = OperatingPoints.of_wheel(setup.prior.parameters, setup.constants.stribeck.omega_s)
         return found
 
     def add(self, course: Course, run: FilterRun, begin: int = 0) -> None:
-        """Count the samples of a part from `begin` on; what is kept of where the wheel has been is since a reset.
-
-        Raises FilterError where predictions go beyond what any machine does.
-        """
+        """Count the samples of a part from `begin` on; what is kept of where the wheel has been is since a reset."""
         since = run.since(begin)
         self.statistics.add_run(course, run, begin)
+        self.beyond.add(course, begin)
         self.log_likelihood += log_likelihood(since, self.gate)
         self.troubles += troubles_of(since.mended)
-        self.was_reset = self.was_reset or was_reset(since)
+        resets = begin + resets_of(since)
+        self.was_reset = self.was_reset or resets.size > 0
         points = self.statistics.points
         if points is not None:
             used = run.outcome == decisions.UPDATED
             used[:begin] = False
-            resets = np.flatnonzero((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT))
-            if resets.size and resets[-1] >= begin:
+            if resets.size:
                 used[: resets[-1] + 1] = False
                 points.clear()
             points.add_course(course, used)
-        self.worst_rad_s = max(self.worst_rad_s, float(np.nanmax(np.abs(since.innovation_rad_s), initial=0.0)))
-        self._refuse_runaway(run)
+        worst_rad_s = float(np.nanmax(np.abs(since.innovation_rad_s), initial=0.0))
+        self.worst_rad_s = max(self.worst_rad_s, worst_rad_s if np.isfinite(run.covariance).all() else math.inf)
 
-    def _refuse_runaway(self, run: FilterRun) -> None:
-        if not self.worst_rad_s <= WILD or not np.isfinite(run.covariance).all():
+    def refuse_runaway(self) -> None:
+        """Raise FilterError where predictions went beyond what any machine does, gated readings or not."""
+        if not self.worst_rad_s <= WILD:
             raise FilterError(f"a prediction missed by {self.worst_rad_s:.3g} rad/s")
         broken = [why for why in self.troubles if why not in (FilterTrouble.DIVERGED, FilterTrouble.LOCKED_OUT)]
         if len(broken) > _BREAKAGES:
             raise FilterError(f"the filter had to be reset {len(broken)} times: {'; '.join(findings(broken))}")
+
+    def remarks(self, *, driven: bool) -> list[str]:
+        """What a reader of the estimates must know of the readings that they come from, and of the filter's resets."""
+        said = []
+        present = self.statistics.samples - self.statistics.missing
+        if present < _FEW_SAMPLES:
+            said.append(f"only {present} speed readings: the estimates are little more than the prior")
+        refused = self.statistics.gate_finding(self.gate)
+        if refused is not None:
+            said.append(refused)
+        if not driven:
+            said.append("the current is zero throughout: the motor gain cannot be learned from this log")
+        return [*said, *self.beyond.sentences(), *findings(self.troubles)]
+
+
+class BeyondLaws:
+    """How often a log goes beyond what the laws of a model were found over: they stay as they are at the edge."""
+
+    def __init__(self, effects: EffectSet) -> None:
+        self._laws = [term.law for term in effects.terms if term.law is not None]
+        self._beyond = [0] * len(self._laws)
+        self._rows = 0
+
+    def add(self, course: Course, begin: int = 0) -> None:
+        """Count the samples of a part from `begin` on."""
+        self._rows += course.samples - begin
+        for place, law in enumerate(self._laws):
+            values = _values_of(law, course)
+            if values is not None:
+                values = values[begin:]
+                self._beyond[place] += int(np.count_nonzero((values < law.first) | (values > law.last)))
+
+    def sentences(self) -> list[str]:
+        """A sentence for each law that a good part of the log is beyond."""
+        said = []
+        for law, beyond in zip(self._laws, self._beyond, strict=True):
+            share = beyond / max(self._rows, 1)
+            if share > _BEYOND:
+                said.append(
+                    f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
+                    f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be "
+                    "off; `rw-ekf diagnose LOG` finds it anew"
+                )
+        return said
+
+
+def _values_of(law: Law, course: Course) -> Float64Array | None:
+    """What a law is a function of, along a course; None where it is held on purpose, or comes round again."""
+    if law.quantity == "column":
+        return course.columns[:, law.slot] if course.columns.size else None
+    return {
+        "temperature": course.temperature_degC,
+        "speed": course.speed_rad_s,
+        "speed_size": np.abs(course.speed_rad_s),
+    }.get(law.quantity)

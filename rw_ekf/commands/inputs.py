@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rw_ekf.checking.effect_file import OwnFormula
     from rw_ekf.effects.own_effect import OwnEffect
     from rw_ekf.learning.run_start import GivenModel
+    from rw_ekf.logs.column_map import ColumnMap
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
@@ -158,12 +159,18 @@ def read_logs(paths: list[str], columns: str | None, *, excerpts: bool = False) 
 
     excerpts: of those that are too long to be held, stretches will do.
     """
-    from rw_ekf.logs.column_map import load_column_map
     from rw_ekf.logs.excerpt import read_log_or_excerpt
     from rw_ekf.logs.reader import read_log
 
-    column_map = None if columns is None else load_column_map(map_path(columns))
+    column_map = read_column_map(columns)
     return [read_log_or_excerpt(path, column_map) if excerpts else read_log(path, column_map) for path in paths]
+
+
+def read_column_map(columns: str | None) -> ColumnMap:
+    """The column map that is named, or that of a log's own names. Raises ConfigError."""
+    from rw_ekf.logs.column_map import ColumnMap, load_column_map
+
+    return ColumnMap() if columns is None else load_column_map(map_path(columns))
 
 
 def map_path(name: str) -> Path:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
-    map_path,
+    read_column_map,
     read_configuration,
     read_wheel_model,
     refuse_to_overwrite,
@@ -24,6 +24,7 @@ from rw_ekf.errors import BadInputError
 
 if TYPE_CHECKING:
     from rw_ekf.log_replay import Run
+    from rw_ekf.logs.column_map import ColumnMap
     from rw_ekf.logs.long_log import LongLog
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.long_replay import Writer
@@ -148,11 +149,12 @@ class _Work:
         starts = [self.model, *setups]
         with_effects = any(start is not None and start.effects.size > 0 for start in starts)
         with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if self.args.smooth else ()))
+        columns = read_column_map(self.args.columns)
         needed = (*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT
         done: list[Run] = []
         with self._writer() as write:
             for (path, _), setup in zip(self.named, setups, strict=True):
-                log = self._read(path, setup, in_parts=in_parts)
+                log = self._read(path, columns, setup, in_parts=in_parts)
                 if log is None:
                     continue
                 if not done:  # not before the first log is known to be one
@@ -171,15 +173,15 @@ class _Work:
                 format_of(file, str(file))
         return self.named
 
-    def _read(self, path: str, setup: FilterSetup | None, *, in_parts: bool) -> WheelLog | LongLog | None:
+    def _read(
+        self, path: str, columns: ColumnMap, setup: FilterSetup | None, *, in_parts: bool
+    ) -> WheelLog | LongLog | None:
         """A log; None for a run of a directory that ended before its first row."""
         from rw_ekf.console import logger
         from rw_ekf.errors import EmptyLogError
-        from rw_ekf.logs.column_map import ColumnMap, load_column_map
         from rw_ekf.logs.long_log import long_log_of
         from rw_ekf.logs.reader import read_log
 
-        columns = ColumnMap() if self.args.columns is None else load_column_map(map_path(self.args.columns))
         start = setup or self.model
         with self._timed("read"):
             try:

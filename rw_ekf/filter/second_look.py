@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
@@ -104,7 +105,12 @@ def second_look(
 
 def was_reset(run: FilterRun) -> bool:
     """Whether the parameters of a run were."""
-    return bool(np.any((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT)))
+    return resets_of(run).size > 0
+
+
+def resets_of(run: FilterRun) -> NDArray[np.intp]:
+    """The samples of a run at which the parameters were reset, (k,)."""
+    return np.flatnonzero((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT))
 
 
 def _positive_part(matrix: Float64Array) -> Float64Array:

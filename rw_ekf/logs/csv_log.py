@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.csv_table import csv_in_parts, read_csv_table
 from rw_ekf.logs.format import LogFormat
-from rw_ekf.logs.in_parts import InParts
+from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import LogText, Packing
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.sums import Sums, damage_of, sums_of, sums_path
@@ -47,13 +48,23 @@ def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str
         if _packing_of(stream.read(4)) is not None:
             return None
     text, sums = LogText(path), sums_of(path)
-    if sums.damaged is not None or _checked(text, sums, name)[1] is not None:
+    if sums.damaged is not None:
         return None
 
     def numeric(number: int, column: str) -> bool:
         return column in _NUMBERS or column in (carried or ()) or columns.uses(number, column)
 
-    return csv_in_parts(text, columns.csv, numeric, name, with_others=carried is None)
+    parts = csv_in_parts(text, columns.csv, numeric, name, with_others=carried is None)
+    if parts is None:
+        return None
+    said = cache(lambda: _checked(text, sums, name)[1])  # reads all of it: not of a text that turns out to be short
+
+    def tables() -> Iterator[RawTable]:
+        if said() is not None:
+            raise UnsoundError(said())
+        yield from parts.tables()
+
+    return InParts(parts.rows, tables)
 
 
 def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]:

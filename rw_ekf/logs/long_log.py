@@ -23,6 +23,7 @@ from rw_ekf.logs.reader import missing_parts
 from rw_ekf.logs.wheel_log import WheelLog
 
 LONG_ROWS = 262_144  # 54 MB and more as a whole; shorter logs are held, and all that is known of a log is known of them
+_LEAST_ROW_BYTES = 2.0  # of a file: a reading has noise, which nothing packs into less
 BEFORE_S = 12.0  # of the part before: a delay or a mean is 10 s at most (rw_ekf.effects)
 
 
@@ -72,7 +73,7 @@ def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] | None 
     if not _row_by_row(columns):
         return None
     parts = parts_of(path)
-    if parts.warnings or missing_parts(path, parts.files):
+    if parts.warnings or _size_of(parts.files) < _LEAST_ROW_BYTES * LONG_ROWS or missing_parts(path, parts.files):
         return None
     files = []
     for file in parts.files:
@@ -85,6 +86,11 @@ def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] | None 
         files.append(found)
     rows = sum(file.rows for file in files)
     return LongLog(str(path), columns, tuple(files), carried, rows) if rows > LONG_ROWS else None
+
+
+def _size_of(files: tuple[Path, ...]) -> int:
+    """Bytes of all files; none of those that are not there, which whoever reads them says."""
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _row_by_row(columns: ColumnMap) -> bool:
