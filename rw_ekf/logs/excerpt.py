@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.in_parts import UnsoundError
 from rw_ekf.logs.long_log import LongLog, long_log_of
 from rw_ekf.logs.reader import read_log
-from rw_ekf.logs.wheel_log import CHANNELS, WheelLog
+from rw_ekf.logs.wheel_log import WheelLog, put_together
 
 # A diagnosis looks at 50,000 samples, in eight pairs of blocks or more (rw_ekf.diagnosis.prepare.split): each of these
 # stretches is several of its blocks at ten samples a second.
@@ -44,32 +43,19 @@ def excerpt(log: LongLog) -> WheelLog:
             kept.append(part.log.rows(inside + part.begin))
             numbers.append(number[inside])
         last = part.log
-    return _together(kept, np.concatenate(numbers), replace(last, warnings=log.warnings, whole=log), len(log))
-
-
-def _together(kept: list[WheelLog], number: Int64Array, last: WheelLog, rows: int) -> WheelLog:
-    """The rows that were kept as one log; a new segment begins where rows are left out, and where the log has one."""
-    opens = np.diff(number, prepend=number[:1]) > 1
+    number = np.concatenate(numbers)
+    opens = np.diff(number, prepend=number[:1]) > 1  # a segment, where rows are left out and where the log has one
     begin = 0
-    for log in kept:
-        opens[begin + 1 : begin + len(log)] |= np.diff(log.segment) != 0
-        begin += len(log)
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(log, name) for log in kept])
-        for name in ("time_s", "speed_rad_s", "current_A", "command_delay_s")
-    }
-    names = [name for name in CHANNELS if name in last.channels]
+    for one in kept:
+        opens[begin + 1 : begin + len(one)] |= np.diff(one.segment) != 0
+        begin += len(one)
     return replace(
-        last,
-        **arrays,
+        put_together(kept),
         segment=np.cumsum(opens).astype(np.int64),
-        channels={name: np.concatenate([log.channels[name] for log in kept]) for name in names},
-        other={name: _below_each_other([log.other[name] for log in kept]) for name in last.other},
-        left_out=rows - number.size,
+        rows_read=last.rows_read,
+        skipped_rows=last.skipped_rows,
+        warnings=log.warnings,
+        faults=last.faults,
+        left_out=len(log) - number.size,
+        whole=log,
     )
-
-
-def _below_each_other(columns: list[Any]) -> Any:
-    import pyarrow as pa
-
-    return pa.concat_arrays(columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
@@ -146,3 +147,20 @@ class WheelLog:
     def duration_s(self) -> float:
         """Time covered: first to last row of each segment, summed over segments [s]."""
         return float(np.diff(self.time_s)[np.diff(self.segment) == 0].sum())
+
+
+def put_together(logs: Sequence[WheelLog]) -> WheelLog:
+    """Rows of one log under each other, with segments as each has them; the rest is that of the first."""
+    import pyarrow as pa
+
+    first = logs[0]
+    return replace(
+        first,
+        time_s=np.concatenate([log.time_s for log in logs]),
+        speed_rad_s=np.concatenate([log.speed_rad_s for log in logs]),
+        current_A=np.concatenate([log.current_A for log in logs]),
+        command_delay_s=np.concatenate([log.command_delay_s for log in logs]),
+        segment=np.concatenate([log.segment for log in logs]),
+        channels={name: np.concatenate([log.channels[name] for log in logs]) for name in first.channels},
+        other={name: pa.concat_arrays([log.other[name] for log in logs]) for name in first.other},
+    )
