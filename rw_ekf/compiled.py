@@ -75,13 +75,30 @@ class _CompileToLink(Compiler):
         self.state.library = _LinkedOnly(self.state.targetctx.codegen(), "linked only")
 
 
-def make_jitable(functions: list[Callable[..., Any]], *, inlined: bool = False) -> None:
+class _CompileApart(Compiler):
+    """The same into machine code, of arrays that share no memory: what was read stays read when another is written."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.state.flags.noalias = True
+
+
+class _CompileApartToLink(_CompileToLink):
+    """Both."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.state.flags.noalias = True
+
+
+def make_jitable(functions: list[Callable[..., Any]], *, inlined: bool = False, apart: bool = False) -> None:
     """Let compiled code call these plain Python functions, which stay plain Python otherwise.
 
     They make no arrays: they use what they are handed, and count no references to it. Counting takes as long as a step
     of the flow, for a table of effects and the pieces of a current several times that.
     inlined: into each caller. A state, a table of effects and the pieces of a current are handed over in a hundred
     words, which takes as long as a step of the flow: worth its room for what every interval, or every column, calls.
+    apart: see `compile_cached`; said of the function that holds a kernel's loop.
     """
     for function in functions:
         register_jitable(
@@ -90,7 +107,7 @@ def make_jitable(functions: list[Callable[..., Any]], *, inlined: bool = False) 
             forceinline=inlined,
             _nrt=False,
             no_cfunc_wrapper=True,
-            pipeline_class=_CompileToLink,
+            pipeline_class=_CompileApartToLink if apart else _CompileToLink,
         )(function)
 
 
@@ -104,12 +121,14 @@ class Kernel:
     interpreting = False  # of all kernels, see `interpreted`
 
     def __init__(
-        self, plain: Callable[..., Any], dispatcher: Any, example: Callable[[], tuple[Any, ...]] | None
+        self, plain: Callable[..., Any], dispatcher: Any, example: Callable[[], tuple[Any, ...]] | None, *, apart: bool
     ) -> None:
         """dispatcher: numba's of the plain function, or that function itself where nothing is to be compiled.
 
-        example: gives arguments of the types that every call has; None where nobody compiles ahead.
+        example: gives arguments of the types that every call has; None where nobody compiles ahead. apart: what it
+        writes shares no memory with another argument.
         """
+        self.apart = apart
         self.dispatcher = dispatcher
         self.plain = plain
         self._example = example
@@ -235,6 +254,7 @@ def compile_cached(
     example: Callable[[], tuple[Any, ...]] | None = None,
     *,
     name: str | None = None,
+    apart: bool = False,
 ) -> Kernel:
     """Compile `function`, cached on disk until the source of any of `modules` changes.
 
@@ -287,11 +307,11 @@ def compile_cached(
 
     if name is not None:
         function = _renamed(function, name)
-    dispatcher = numba.njit(error_model="numpy")(function)
+    dispatcher = numba.njit(error_model="numpy", pipeline_class=_CompileApart if apart else Compiler)(function)
     if not never_compiles():
         with contextlib.suppress(RuntimeError, OSError):  # no folder is writable: compile in memory, every time
             dispatcher._cache = Cache(function)
-    return Kernel(function, dispatcher, example)
+    return Kernel(function, dispatcher, example, apart=apart)
 
 
 def _renamed(function: Callable[..., Any], name: str) -> Callable[..., Any]:

@@ -46,15 +46,21 @@ make_jitable(
     [
         _decisions.timing, _decisions.doubt, _decisions.forget, _decisions.elapse, _decisions.most_acceleration,
         _decisions.within_reach, _decisions.gating,
-        _covariance.cap_variance, _covariance.drop_settled, _covariance.predict_covariance,
-        _covariance.predict_covariance_full, _covariance.seed_speed, _covariance.update_joseph,
+        _covariance.cap_variance, _covariance.drop_settled, _covariance.predict_covariance_full, _covariance.seed_speed,
         _stillness.away_from_reference, _stillness.follow, _stillness.unlearn_shift,
         _health.breakage, _health.examine, _health.is_diverged, _health.keep, _health.mend, _health.notice,
         _step.is_continuous, _step._grow, _step._walk, _step.innovation_of, _step.interrupt, _step.seed,
     ]
 )  # fmt: skip
-# Called in every sample, with all that a filter remembers: handing that over would take twice as long as the step.
-make_jitable([_step.predict, _step.advance, _step.weigh, _step.look_after], inlined=True)
+# Called in every sample, with all that a filter remembers: handing that over would take twice as long as the step; and
+# of products of matrices each loop over a known number of states is written out.
+make_jitable(
+    [
+        _covariance.predict_covariance, _covariance.update_joseph,
+        _step.predict, _step.advance, _step.weigh, _step.look_after,
+    ],
+    inlined=True,
+)  # fmt: skip
 
 # Places in `past`: what was last known of what effects are functions of, and whether the log opens at the last sample.
 TEMPERATURE = 0  # [degC]; until known, that which effects of temperature are relative to
@@ -187,7 +193,7 @@ def _filter_each(
     past[OPENS] = 1.0 if opens else 0.0
 
 
-make_jitable([_filter_each])
+make_jitable([_filter_each], apart=True)
 
 
 def _filter_pass(
@@ -224,8 +230,8 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
     return constants, table, Course.of(series, series, series), run, memory, nothing_past(), 0
 
 
-filter_pass = compile_cached(_filter_pass, _MODULES, lambda: _example(with_effects=False))
+filter_pass = compile_cached(_filter_pass, _MODULES, lambda: _example(with_effects=False), apart=True)
 # A kernel of its own, because without effects a third of it has to be compiled.
 filter_pass_with_effects = compile_cached(
-    _filter_pass, _MODULES, lambda: _example(with_effects=True), name="_filter_pass_with_effects"
+    _filter_pass, _MODULES, lambda: _example(with_effects=True), name="_filter_pass_with_effects", apart=True
 )

@@ -170,7 +170,7 @@ def predict(
         predict_covariance_full(P, F, noise, memory.product)
         drop_settled(P, hidden)
     else:
-        predict_covariance(P, row, noise, memory.product[0])
+        predict_covariance(P, row, noise, memory.product[0], table)
     _walk(P, constants.dry_walk * dt)
     elapse(memory.gate, dt, pieces.current_A, interval.start, interval.stop)
     memory.now[CONTINUOUS] = 1.0
@@ -188,7 +188,7 @@ def interrupt(
         row[j] = 0.0
     row[SPEED] = 0.0 if has_speed else 1.0
     memory.noise[SPEED] = constants.speed_variance if has_speed else 0.0
-    predict_covariance(P, row, memory.noise, memory.product[0])
+    predict_covariance(P, row, memory.noise, memory.product[0], table)
     _walk(P, constants.dry_walk * dt)
     memory.now[SEEDED] = 0.0
     memory.now[CONTINUOUS] = 0.0
@@ -237,7 +237,7 @@ def weigh(x: Any, P: Any, memory: Memory, constants: FilterConstants, table: Eff
     R = constants.speed_variance
     what = gating(residual, S, sample.speed_rad_s, x, P, R, constants.gate, constants.reseed_after, memory.gate)
     if what == UPDATED:
-        update_joseph(x, P, residual, S, R, memory.product[0])
+        update_joseph(x, P, residual, S, R, memory.product[0], table)
     elif what == RESEEDED:
         seed(x, P, memory, constants, table, sample)
         doubt(memory.gate)

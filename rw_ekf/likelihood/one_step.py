@@ -205,7 +205,8 @@ def _predict_each(
             out.memory_end[i + 1] = ended[at]
 
 
-make_jitable([_propagate, _begin_hidden, _differ, _predict_each])
+make_jitable([_propagate, _begin_hidden, _differ])
+make_jitable([_predict_each], apart=True)
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
@@ -217,10 +218,10 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
 
 
 _MODULES = [*EQUATIONS, _course, sys.modules[__name__]]
-one_step_pass = compile_cached(_one_step_pass, _MODULES, lambda: _example(with_effects=False))
+one_step_pass = compile_cached(_one_step_pass, _MODULES, lambda: _example(with_effects=False), apart=True)
 # A kernel of its own, because without effects a fifth of it has to be compiled.
 one_step_pass_with_effects = compile_cached(
-    _one_step_pass, _MODULES, lambda: _example(with_effects=True), name="_one_step_pass_with_effects"
+    _one_step_pass, _MODULES, lambda: _example(with_effects=True), name="_one_step_pass_with_effects", apart=True
 )
 
 

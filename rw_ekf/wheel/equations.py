@@ -13,6 +13,8 @@ make_jitable(
     [
         flow.slip,
         flow.flow,
+        transition.interval,
+        transition.transition,
         dispatch.contribution_slope,
         pieces._law_place,
         pieces._of_law,
@@ -60,8 +62,6 @@ make_jitable(
         transition.reflection,
         transition._rests_for_sure,
         transition.divided_difference,
-        transition.interval,
-        transition.transition,
         *dispatch.JITABLE,
         dispatch.contribution,
         dispatch.lagged,
