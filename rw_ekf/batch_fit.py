@@ -203,7 +203,7 @@ def fit_record(
     model = model_of(belief, setup, source, noises if with_noise else None, wheel)
     return Fit(
         log.name, len(log), method, belief, setup, tuple(report(belief, setup.prior, points)), quality, noises,
-        with_noise, tuple(warnings), model, _refusal(model, odd), course,
+        with_noise, tuple(dict.fromkeys(warnings)), model, _refusal(model, odd), course,
     )  # fmt: skip
 
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.identify.misread import motion_of
+from rw_ekf.identify.misread import Motion, motion_of, warnings_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.column_records import Guess, Line
 from rw_ekf.logs.map_text import comment, map_of_guess, map_text
 from rw_ekf.logs.reader import log_of_table, read_table
+from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.shown import Shown
 
 # Of the changes of speed over windows: 77 logs that are read rightly leave at most 0.23 (those whose readings are
@@ -79,6 +80,23 @@ class GuessedColumns(Shown):
         return f"GuessedColumns({self.log!r}, {'certain' if self.is_certain else 'with questions'})"
 
 
+def unexplained(motion: Motion) -> tuple[str, ...]:
+    """A sentence where hardly anything of a log's motion is a machine's; none where enough is."""
+    left = motion.unexplained
+    if motion.misread or left is None or left <= _UNEXPLAINED:
+        return ()
+    return (
+        f"read like this, drive and friction explain {100.0 * (1.0 - min(left, 1.0)):.0f} % of how the speed "
+        "changes: is one of the columns another wheel's, a set-point, or another quantity?",
+    )
+
+
+def doubted(log: WheelLog) -> WheelLog:
+    """A log whose columns were guessed, with what its motion speaks against among its warnings."""
+    motion = motion_of(log)
+    return replace(log, warnings=(*log.warnings, *warnings_of(motion.misread), *unexplained(motion)))
+
+
 def _said(line: Line) -> dict[str, object]:
     return {"name": line.name, "from": line.entry, "why": line.why}
 
@@ -95,12 +113,8 @@ def guessed_columns(
         return GuessedColumns(str(path), guess, layout, (), warnings)
     try:
         log = log_of_table(table, map_of_guess(guess, str(path), layout))
-        doubts, asked, left = motion_of(log)
-        if not doubts and left is not None and left > _UNEXPLAINED:
-            doubts = (
-                f"read like this, drive and friction explain {100.0 * (1.0 - min(left, 1.0)):.0f} % of how the speed "
-                "changes: is one of the columns another wheel's, a set-point, or another quantity?",
-            )
+        motion = motion_of(log)
+        doubts, asked = motion.misread or unexplained(motion), motion.asked
     except RwEkfError as error:
         doubts, asked = (str(error),), ()
     if guess.says_units:  # then a machine may be of any size

@@ -200,8 +200,8 @@ def replay_log(
     columns = columns_of_run(log, run, setup, smooth=smooth) if with_columns else None
     as_it_went = Belief(run.mean, run.covariance) if with_hindsight else None
     return Run(
-        log, setup, belief, sums.statistics, consistency, tuple(warnings), columns, as_it_went, noise_from,
-        time.perf_counter() - began_s, len(sums.troubles),
+        log, setup, belief, sums.statistics, consistency, tuple(dict.fromkeys(warnings)), columns, as_it_went,
+        noise_from, time.perf_counter() - began_s, len(sums.troubles),
     )  # fmt: skip
 
 

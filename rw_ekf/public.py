@@ -25,7 +25,7 @@ from rw_ekf.errors import RwEkfError as Error
 from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.estimator import Estimator as Filter
-from rw_ekf.foreign_columns import GuessedColumns, guessed_columns
+from rw_ekf.foreign_columns import GuessedColumns, doubted, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate
@@ -56,10 +56,13 @@ def read(source: Any, columns: str | Path | ColumnMap | GuessedColumns | None = 
     """Read a log: a file of any form of docs/logs.md, a pandas, polars or arrow table, or a mapping of names to arrays.
 
     columns: the column map of a foreign one, its path, or what `guess_columns` found; without it columns of other names
-    are guessed, if that is certain. Raises Error with file, line and column, and what to do.
+    are guessed, if that is certain; what the motion then speaks against is among the log's warnings. Raises Error with
+    file, line and column, and what to do.
     """
     taken = columns.column_map if isinstance(columns, GuessedColumns) else columns
-    return read_log(source, taken) if isinstance(source, str | Path) else read_columns(source, taken)
+    log = read_log(source, taken) if isinstance(source, str | Path) else read_columns(source, taken)
+    guessed = taken is None and any(source.column != name for name, source in log.sources.items())
+    return doubted(log) if guessed else log
 
 
 def guess_columns(path: str | Path, columns: str | Path | ColumnMap | None = None, **answers: object) -> GuessedColumns:

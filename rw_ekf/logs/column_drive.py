@@ -111,7 +111,10 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
         if column is None:
             continue
         fed = column.said.any_of(*_FED) or not column.said.has("machine")  # "motor supply current" is the supply's
-        if role == "current" and column.said.any_of("limit", "peak", "max", "min"):
+        if role == "current" and column.is_of_a_phase:
+            text = f"{column.shown} seems to be of one phase, which goes up and down as the rotor turns"
+            guess.ask(name, f"{text}: is it what makes the torque?", Line(name, column.entry(column.unit), ""))
+        elif role == "current" and column.said.any_of("limit", "peak", "max", "min"):
             guess.ask(name, f"{column.shown}: is it the current that flows?", Line(name, column.entry(column.unit), ""))
         elif role == "current" and column.said.has("supply") and fed:
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
@@ -136,6 +139,8 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
             text = f"{column.shown} has no unit, and goes to {column.top:.4g}: mA or A?"
             guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
             return
+    if column.said.has("torque_axis"):
+        guess.notes.append(f"{column.shown}: motor_gain is then per ampere of the q axis, in its drive's convention")
     if _KIND_OF_AMPERE.search(unit):
         guess.notes.append(f"{column.shown}: motor_gain is then per ampere of that kind ({unit})")
     unit = "" if unit_of(unit) == unit_of("A") else unit

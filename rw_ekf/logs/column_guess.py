@@ -16,7 +16,7 @@ from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
 from rw_ekf.logs.column_speed import find_speed
-from rw_ekf.logs.column_time import Clock, clock_of, rate_in, ticks_a_second
+from rw_ekf.logs.column_time import EPOCHS, Clock, clock_of, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import is_even
@@ -27,7 +27,7 @@ _COUNTERS_CALLED = (
 _WARM_DEGC = 10.0  # T_C alone is below it: a Coulomb torque, in whatever unit, or of no use to know
 _UPWARD = 0.01  # of the rows at most: late ones, where the newest stands first
 _STEADY = 0.5  # of its step: so evenly goes a counter that is a clock, and not the angle of a wheel that turns
-_DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
+_DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970; in ms and less from 2001, as any clock (`column_time`)
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
 _NOT_OF_THE_WHEEL = (
     "cpu", "mcu", "pcb", "board", "ambient", "amb", "room", "raum", "env", "chamber", "delta", "rise", "barometric",
@@ -143,7 +143,8 @@ def _holds_dates(table: RawTable, column: Column) -> bool:
     values = column.values
     if len(values) < 3 or not np.isfinite(values).all() or float(np.mean(np.diff(values) < 0.0)) > 0.01:
         return False
-    since_1970 = _DATES[0] <= float(values[0]) < float(values[-1]) < _DATES[1]
+    first, last = float(values[0]), float(values[-1])
+    since_1970 = any(low <= first < last < high for low, high in (_DATES, *(epoch[:2] for epoch in EPOCHS)))
     return since_1970 if table.is_plain_number(column.number) else float(np.ptp(values)) > 0.0
 
 

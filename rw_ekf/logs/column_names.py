@@ -35,6 +35,7 @@ _EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a strok
 )
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
 _DERIVATIVE = re.compile(r"\bder\(")  # of what stands behind it, in Modelica
+_LEVELS = re.compile(r"'([^']*)'")
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
 
@@ -82,8 +83,15 @@ class Said(NamedTuple):
         return bool(self.words.intersection(words))
 
 
+def spoken(name: str) -> str:
+    """A name of several levels as words, where pandas wrote it as Python has it: `('rw1', 'speed_rpm')`."""
+    levels = _LEVELS.findall(name) if name.startswith("('") and name.endswith(")") else []
+    return " ".join(filter(None, levels)) or name
+
+
 def said_by(name: str) -> Said:
     """Take a name apart."""
+    name = spoken(name)
     name = _DERIVATIVE.sub("derivative (", _EVERY.sub("", name))
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
@@ -133,6 +141,9 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
     camel = re.match(r"^(.*[a-z])(RPM|Rpm|MA|mA|Ms|Us|Deg|Rad|DegC|Nm|Volts?|Amps?|RadS|DegS|Rps|Dps)$", name)
     if camel and (unit := unit_of({"MA": "mA", "RadS": "rad/s", "DegS": "deg/s"}.get(camel[2], camel[2]))) is not None:
         return camel[1], camel[2], unit
+    rate = re.match(r"^(.*[a-z])([A-Z][a-z]+)Per([A-Z][a-z]+)$", name)  # VelocityRadPerSec
+    if rate and (unit := unit_of(f"{rate[2]}/{rate[3]}")) is not None:
+        return rate[1], f"{rate[2]}/{rate[3]}", unit
     glued = re.match(r"^(.*[^\x00-\x7f])([A-Za-z/%]+)$", name)  # Chinese and the like: no blank before the unit
     if glued and (unit := unit_of(glued[2])) is not None:
         return glued[1], glued[2], unit

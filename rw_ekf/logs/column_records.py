@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.logs.column_names import Role, Said, role_of, said_by
+from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
 from rw_ekf.logs.column_units import habitual_unit
+from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.odd_columns import mark_of_missing
-from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _HIGHER_IS_BACKWARD = re.compile(
@@ -21,6 +22,7 @@ _HIGHER_IS_BACKWARD = re.compile(
 _REVERSED = re.compile(r"(?<!not )\b(reversed|inverted|negated|opposite|flipped|invertiert|umgekehrt)\b", re.IGNORECASE)
 _RAW = re.compile(r"(?P<of>.*\S)\s*\(RAW\)")  # COSMOS: counts, beside which stands what they were converted to
 _CONVERTED = re.compile(r"\s*\([UF]\)")  # with units, formatted
+_SYMBOL = 2  # letters: ia, iu
 _TAIL = re.compile(r"\s*[(\[].*")
 _DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s))(?P<text>[^\W\d].*)")
 _COUNTING: tuple[Role, ...] = ("time", "count", "segment", "direction", "other")  # has no reading to miss
@@ -91,6 +93,7 @@ class Column:
     remark: str = ""  # what the file says of it in prose
     by_habit: bool = False  # whether its unit is what the program that wrote it publishes for such a name
     missing: float | None = None  # the number that stood for NaN among `values`
+    factor: float = 1.0  # by which its numbers were multiplied here, as the file says of them
     bare_name: str = ""  # its name without what only says that its numbers are converted
 
     @property
@@ -113,15 +116,21 @@ class Column:
     def rank(self) -> tuple[int, ...]:
         """How well it fits what its role is, beside others of that role."""
         said = self.said
-        phase = said.any_of("phase") and not said.any_of("phase_current", "phasecurrent")
-        electrical = said.any_of("electrical", "elec", "erpm") or phase
+        electrical = said.any_of("electrical", "elec", "erpm") or self.is_of_a_phase
         second = said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
         whole = said.unit is not None and not said.unit.per
         return (
             int(self.name in READABLE_COLUMNS), int(not second), int(not electrical),
-            int(said.any_of("iq", "q", "i_q")), int(not said.has("supply")), int(said.has("machine")),
+            int(said.has("torque_axis")), int(not said.has("supply")), int(said.has("machine")),
             int(said.has("raw")), int(whole),
         )  # fmt: skip
+
+    @property
+    def is_of_a_phase(self) -> bool:
+        """Whether its name says that it is of one phase of a motor: `phase_current`, `Strangstrom U`, `Ia`."""
+        bare = re.sub(r"[\W_]", "", _TAIL.sub("", self.name).lower())  # in `I [A] mA` no letter says which phase
+        named = any(len(word) > _SYMBOL or word in bare for word in self.said.words & WORDS["phase"])
+        return named and not self.said.has("torque_axis", "armature")
 
     @property
     def says_backward(self) -> bool:
@@ -145,6 +154,10 @@ class Column:
             more = {"scale": -1.0, **more}
         if _REVERSED.search(self.remark) and self.role in ("speed", "current"):
             more = {"scale": -1.0, **more}
+        for key, by in (("scale", self.factor), ("wrap", 1.0 / self.factor)):
+            known = more.get(key, 1.0 if key == "scale" else None)
+            if self.factor != 1.0 and isinstance(known, float | int):
+                more = {**more, key: float(f"{known * by:.12g}")}
         return {
             "column": self.key,
             **({"unit": unit} if unit else {}),
@@ -171,8 +184,26 @@ def columns_of(table: RawTable) -> list[Column]:
         by_habit = said_by(name).unit is None and not units.get(name) and bool(habit)
         mark = mark_of_missing(values) if role not in _COUNTING else None
         values = values if mark is None else np.where(values == mark, np.nan, values)
-        found.append(Column(number, name, said, role, values, key, remark, by_habit, mark))
+        factor, more = _factor_of(table.factors.get(name, ("", "")), values, role)
+        remark = "; ".join(filter(None, (remark, more)))
+        bare = spoken(name) if spoken(name) != name else ""
+        found.append(Column(number, name, said, role, factor * values, key, remark, by_habit, mark, factor, bare))
     return _without_raw(found)
+
+
+def _factor_of(said: tuple[str, str], values: Float64Array, role: Role) -> tuple[float, str]:
+    """By what a file says that numbers (n,) are multiplied, where they are counts as yet; else 1, and what it says.
+
+    Counts are whole, and not all multiples of the factor, as products would be.
+    """
+    factor, offset = map(number_or_none, said)
+    if factor is None or not factor or np.isnan(factor) or (factor == 1.0 and not offset):
+        return 1.0, ""
+    known = values[np.isfinite(values)]
+    counts = bool(np.all(known == np.round(known))) and (abs(factor) < 1.0 or bool(np.any(known % factor)))
+    if counts and role not in ("angle", "count", "other") and (offset is None or not offset or np.isnan(offset)):
+        return factor, ""
+    return 1.0, f"factor {said[0]}, offset {said[1] or 0}"
 
 
 def _without_raw(columns: list[Column]) -> list[Column]:

@@ -14,7 +14,7 @@ from rw_ekf.logs.column_names import Said
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.row_rules import restarted, unwrapped, usual_step
 
-_EPOCHS = ((1.0e9, 2.3e9, "s"), (1.0e12, 2.3e12, "ms"), (1.0e15, 2.3e15, "us"), (1.0e18, 2.3e18, "ns"))
+EPOCHS = ((1.0e9, 2.3e9, "s"), (1.0e12, 2.3e12, "ms"), (1.0e15, 2.3e15, "us"), (1.0e18, 2.3e18, "ns"))
 _SERIAL_DAYS = ((3.0e4, 6.5e4, "Excel"), (6.9e5, 7.8e5, "MATLAB"))  # from 1900 and from year 0
 _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
@@ -130,7 +130,7 @@ def _unit(
     if name == "time_s":
         return "", (), "its name is the log's own"
     middle = float(np.median(values))
-    for low, high, unit in _EPOCHS:
+    for low, high, unit in EPOCHS:
         if low <= middle < high and usual < 0.01 * low:
             return unit, (), f"counts from 1970 in {unit}"
     for low, high, program in _SERIAL_DAYS:

@@ -44,20 +44,21 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("time", 3600.0), "h hr hrs hour hours std stunden"),
     **_all(Unit("time", 86400.0), "d day days tage"),
     **_all(Unit("speed"), "rad/s рад/с rads rad/sec radps rads-1 rads/s rad/second radian/s radians/s radians/sec "
+        "radians/second "
         "radianspersecond"),
     **_all(Unit("speed", 1e-3), "mrad/s"),
     **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 1/min об/мин мин-1 /min min-1 u/min upm umin "
         "umdr/min tr/min r/min rev/min "
         "revs/min "
         "obr/min dev/dk devir/dk d/dk omw/min toeren/min varv/min ot/min turn/min turns/min giri/min rot/min "
-        "revolutionsperminute"),
+        "revolutionsperminute rotations/min rotations/minute revolutions/min rev/minute"),
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
     **_all(Unit("speed", _DEGREE), "deg/s °/s °/sec deg/sec degs-1 dps degree/s degrees/s degrees/sec degps "
-        "grad/s gradsec degreespersecond"),
+        "degrees/second grad/s gradsec degreespersecond"),
     **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s tr/s r/s 1/s s-1 "
-        "cyclespersecond"),
+        "cyclespersecond rotations/s rotations/sec rotations/second rev/second"),
     **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps "
         "counts/sec count/sec cnt/s cnt/sec cnts/s pulses/sec ticks/sec inc/sec ticks/s tick/s pulses/s inc/s steps/s"),
     **_all(Unit("angle"), "rad radian radians bogenmass"),
@@ -134,6 +135,12 @@ _PUBLISHED_TOGETHER = {
         {"mode", "position", "velocity", "torque", "q_current", "d_current", "voltage", "temperature", "fault"}
     ): {
         "position": "rev", "velocity": "rev/s", "torque": "N m", "q_current": "A", "d_current": "A", "voltage": "V",
+    },
+    **{  # of a JointState as `rostopic echo` prints it, with the stamp of ROS 1 or of ROS 2
+        frozenset({f"header.stamp.{whole}", f"header.stamp.{part}", "position", "velocity", "effort"}): {
+            "position": "rad", "velocity": "rad/s", "effort": "N m",
+        }
+        for whole, part in (("secs", "nsecs"), ("sec", "nanosec"))
     },
 }  # fmt: skip
 

@@ -33,6 +33,12 @@ WORDS: dict[str, frozenset[str]] = {
             alim alimentacao alimentacion alimentation alimentazione bat batt battery besleme bus charge dc
             eps fuente idc iin in input line mains netz netzteil psu quiescent source supply total
             versorgung voeding zasilania zasilanie """,
+        "phase": """
+            fase faz faza ia ib ic iu iv iw leiterstrom phase phasen phases strang """,
+        "armature": """
+            anker armature indotto induit inducido """,
+        "torque_axis": """
+            iq q i_q """,
         "torque": """
             couple drehmoment effort koppel kraftmoment moment par tau torque tq trq """,
         "force": """
@@ -93,5 +99,5 @@ SIGNS = {
     "источник": " supply ", "задан": " set ", "момент": " torque ", "напряж": " voltage ",
     "темп": " temperature ", "угол": " angle ", "мах": " wheel ", "モータ": " motor ", "電源": " supply ",
     "回転": " speed ", "ホイール": " wheel ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ",
-    "τ": " tau ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
+    "τ": " tau ", "相": " phase ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip

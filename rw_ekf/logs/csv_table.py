@@ -84,6 +84,7 @@ def read_csv_table(
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
+    read.factors = {name: pair for name, pair in zip(found.names, found.factors, strict=False) if name and any(pair)}
     read.preamble = (*read.preamble, *written.words)
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]

@@ -24,6 +24,8 @@ _OWN = {
     "tdms": "rw_ekf.logs.foreign.tdms:FORMAT",
     "lvm": "rw_ekf.logs.foreign.lvm:FORMAT",
     "mcap": "rw_ekf.logs.foreign.mcap:FORMAT",
+    "sqlite": "rw_ekf.logs.foreign.database:SQLITE",
+    "sql": "rw_ekf.logs.foreign.database:FORMAT",
     "rosbag2": "rw_ekf.logs.foreign.rosbag:FORMAT",
     "rosbag1": "rw_ekf.logs.foreign.rosbag:ROS_1",
     "ulog": "rw_ekf.logs.foreign.ulog:FORMAT",
@@ -34,6 +36,7 @@ _OWN = {
     "influx_csv": "rw_ekf.logs.foreign.influx:ANNOTATED",
     "influx": "rw_ekf.logs.foreign.influx:FORMAT",
     "json": "rw_ekf.logs.foreign.json_records:FORMAT",
+    "yaml": "rw_ekf.logs.foreign.json_records:YAML",
     "csv": "rw_ekf.logs.csv_log:FORMAT",
 }
 _LAST = "csv"  # takes what nobody else takes

@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 
+from rw_ekf.logs.channel_blocks import channels_above
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
@@ -30,6 +31,8 @@ _SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no
 def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     before = _with_their_labels(["" if _RULE.fullmatch(line) else line for line in before], layout)
+    channels, used = channels_above(before[skip_rows:], layout.width)
+    before = ["" if at - skip_rows in used else line for at, line in enumerate(before)]
     described = _described(before[skip_rows:], layout)
     keyed = "units" in described
     above = [
@@ -59,6 +62,10 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     if levels is not None:
         names, units, count = levels
         taken = len(above) - count
+    if channels:
+        names, units = tuple(channel.name for channel in channels), tuple(channel.unit for channel in channels)
+        layout = replace(layout, factors=tuple((channel.factor, channel.offset) for channel in channels))
+        taken = len(above)
     if described and not units:
         units = described.get("units", ())
     remarks = described.get("remarks", prose)

@@ -14,7 +14,8 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.column_names import role_of, said_by
-from rw_ekf.logs.raw_table import RawTable, taken
+from rw_ekf.logs.column_units import unit_of, with_unit
+from rw_ekf.logs.raw_table import RawTable, number_or_none, taken
 
 _MOST_KINDS = 60  # signals of one file
 _LEAST_ROWS = 10  # of a signal, on average
@@ -57,40 +58,78 @@ def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[st
 
 
 def widened(table: RawTable) -> RawTable | None:
-    """A table with a row a signal (time, name, value) as one with a column a signal; None for any other table."""
+    """A table with a row a signal (time, name, value) as one with a column a signal; None for any other table.
+
+    A column that has one unit for each signal says what it is in. Signals of words alone are left out.
+    """
     texts = [number for number in range(len(table.names)) if table.is_text(number)]
-    values = [number for number, name in enumerate(table.names) if said_by(name).words & _VALUE and number not in texts]
-    if not texts or len(values) != 1:
+    values = [number for number, name in enumerate(table.names) if said_by(name).words & _VALUE]
+    values = [number for number in values if number not in texts] or values
+    if len(values) != 1:
         return None
-    signals = {number: table.columns[number].to_pylist() for number in texts}
-    named = {number: cells for number, cells in signals.items() if _are_signals(cells, table.rows)}
-    if len(named) != 1:
+    value = _numbers(table, values[0])
+    signals = {number: list(map(_filled, table.cells(number))) for number in texts if number != values[0]}
+    said = {number: set(cells) for number, cells in signals.items() if _are_signals(cells)}
+    of_units = {number for number, cells in said.items() if all(not cell or unit_of(cell) for cell in cells)}
+    if len(said.keys() - of_units) != 1 or np.isnan(value).all():
         return None
-    number, cells = next(iter(named.items()))
-    value = table.numbers(values[0])
-    if np.isnan(value).all():
+    number = next(iter(said.keys() - of_units))
+    cells = signals[number]
+    numeric = {cell for cell, known in zip(cells, np.isfinite(value), strict=True) if known}
+    rows = np.flatnonzero([cell in numeric for cell in cells]).astype(np.int64)
+    units = _unit_of_each(cells, [signals[other] for other in signals if other != number])
+    if units is None:
         return None
-    kinds = list(dict.fromkeys(cells))
-    counts = Counter(cells)
-    base = base_kind({kind: [kind] for kind in kinds}, counts)
-    rows = np.flatnonzero([cell == base for cell in cells]).astype(np.int64)
+    names = [with_unit(cells[row], units.get(cells[row], "")) for row in rows]
     rest = [column for column in range(len(table.names)) if column not in (number, values[0])]
+    return _wide(table.at_rows(rows), names, value[rows], rest)
+
+
+def _wide(table: RawTable, cells: list[str], value: Float64Array, rest: list[int]) -> RawTable | None:
+    """Rows of named values (n,) as a table with a column a name, and the other columns `rest` as they are."""
+    kinds = list(dict.fromkeys(cells))
+    if len(kinds) < 2:
+        return None
+    base = base_kind({kind: [kind] for kind in kinds}, Counter(cells))
+    rows = np.flatnonzero([cell == base for cell in cells]).astype(np.int64)
     columns = [taken(table.columns[column], rows) for column in rest]
     columns += [value[rows] if kind == base else _last(cells, kind, value, rows) for kind in kinds]
-    names = (*(table.names[column] for column in rest), *map(str, kinds))
-    wide = table.at_rows(rows, names, columns)
+    wide = table.at_rows(rows, (*(table.names[column] for column in rest), *kinds), columns)
     wide.warnings = [
         *table.warnings,
-        f"{table.path}: has a row for each of {len(kinds)} signals ({', '.join(map(str, kinds[:8]))}): put beside each "
-        f"other at the times of '{base}', the last value known at each",
+        f"{table.path}: has a row for each of {len(kinds)} signals ({', '.join(kinds[:8])}): put beside each other at "
+        f"the times of '{base}', the last value known at each",
     ]
     return wide
 
 
-def _are_signals(cells: list[Any], rows: int) -> bool:
+def _filled(cell: Any) -> str:
+    """A cell of words, empty where nothing stands in it."""
+    return "" if cell is None or cell == "nan" else str(cell)
+
+
+def _numbers(table: RawTable, number: int) -> Float64Array:
+    """The numbers (n,) of a column that may hold words between them, as `true` or a name: NaN there."""
+    if not table.is_text(number):
+        return table.numbers(number)
+    found = (number_or_none(str(cell)) for cell in table.cells(number))
+    return np.array([np.nan if each is None else each for each in found], dtype=np.float64)
+
+
+def _unit_of_each(cells: list[str], others: list[list[str]]) -> dict[str, str] | None:
+    """The unit of each signal, where another column has units; None where that of one signal changes."""
+    for other in others:
+        pairs = set(zip(cells, other, strict=True))
+        found = {cell: unit for cell, unit in pairs if unit}
+        if found and all(unit_of(unit) for _, unit in pairs if unit):
+            return found if len(pairs) == len(set(cells)) else None
+    return {}
+
+
+def _are_signals(cells: list[str]) -> bool:
     counts = Counter(cells)
-    speeds = any(role_of(said_by(str(cell))) in ("speed", "angle") for cell in counts)
-    return None not in counts and 1 < len(counts) <= _MOST_KINDS and rows >= _LEAST_ROWS * len(counts) and speeds
+    speeds = any(role_of(said_by(cell)) in ("speed", "angle") for cell in counts)
+    return "" not in counts and 1 < len(counts) <= _MOST_KINDS and len(cells) >= _LEAST_ROWS * len(counts) and speeds
 
 
 def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:

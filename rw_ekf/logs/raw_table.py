@@ -32,6 +32,7 @@ class RawTable:
     preamble: tuple[str, ...] = ()  # lines of a text above the names, or what stands beside the numbers as `key: value`
     units: dict[str, str] = field(default_factory=dict)  # by name of column, where the file has them beside the names
     remarks: dict[str, str] = field(default_factory=dict)  # by name of column: what the file says of it in prose
+    factors: dict[str, tuple[str, str]] = field(default_factory=dict)  # by name of column: factor and offset, as texts
     doubts: tuple[str, ...] = ()  # sentences on what its layout leaves open: which cell is whose, what a comma means
 
     def index_of(self, name: str) -> int | None:

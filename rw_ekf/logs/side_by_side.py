@@ -17,7 +17,9 @@ from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.foreign.groups import held_at
 from rw_ekf.logs.interleaved import has_speed
 from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.time_text import DAY_S
 
+_FALLS = 0.01  # of the rows, at most, where columns together are a time
 _SECONDS = re.compile(r"(.*?)(sec(s|onds?)?|tv_sec|s)", re.IGNORECASE)
 _PARTS = {
     1e-9: re.compile(r"(.*?)(nano?sec(s|onds?)?|nsecs?|tv_nsec|ns|nanos)", re.IGNORECASE),
@@ -27,17 +29,22 @@ _PARTS = {
 
 
 def with_whole_time(table: RawTable) -> RawTable:
-    """The table with a column `sec + nsec [s]` where its time is in two, whole seconds and a part of one."""
+    """The table with a column `sec + nsec [s]` where its time is in two, whole seconds and a part of one.
+
+    So it is where dates stand beside times of day: these then have the days too.
+    """
+    table = _with_days(table)
     for first, name in enumerate(table.names):
         whole = _SECONDS.fullmatch(name)
-        if whole is None:
+        stamped = not table.is_plain_number(first) and role_of(said_by(name)) == "time"
+        if whole is None and not stamped:
             continue
         for factor, pattern in _PARTS.items():
             for second, other in enumerate(table.names):
                 part = pattern.fullmatch(other)
-                if part is None or part[1] != whole[1]:
+                if part is None or part[1] != ("" if whole is None else whole[1]):
                     continue
-                seconds, rest = table.numbers(first), table.numbers(second)
+                seconds, rest = table.numbers(first, stamps=True), table.numbers(second)
                 if not _is_part(seconds, factor * rest):
                     continue
                 held = seconds + factor * rest  # of an epoch to a quarter of a microsecond, as any float has it
@@ -45,12 +52,29 @@ def with_whole_time(table: RawTable) -> RawTable:
     return table
 
 
+def _with_days(table: RawTable) -> RawTable:
+    """The table, its only times of day as seconds since 1970 where the only dates beside them are of several days."""
+    stamps = [number for number in range(len(table.names)) if not table.is_plain_number(number)]
+    held = {number: table.numbers(number, stamps=True) for number in stamps}
+    held = {number: seconds for number, seconds in held.items() if np.isfinite(seconds).all() and seconds.size > 2}
+    dates = [number for number, seconds in held.items() if seconds[0] >= DAY_S and not np.any(seconds % DAY_S)]
+    times = [number for number, seconds in held.items() if seconds[0] < DAY_S]
+    if len(dates) != 1 or len(times) != 1 or np.ptp(held[dates[0]]) == 0.0:
+        return table
+    seconds = held[dates[0]] + held[times[0]] % DAY_S
+    if float(np.mean(np.diff(seconds) < 0.0)) >= _FALLS:
+        return table
+    columns = list(table.columns)
+    columns[times[0]] = seconds
+    return replace(table, columns=columns)
+
+
 def _is_part(seconds: Float64Array, part_s: Float64Array) -> bool:
     """Whether one column is whole seconds and the other what is missing to the time, which then never falls."""
     if not (np.isfinite(seconds).all() and np.isfinite(part_s).all() and len(seconds) > 2):
         return False
     within = bool(np.all((part_s >= 0.0) & (part_s < 1.0)) and np.all(seconds == np.round(seconds)))
-    return within and float(np.mean(np.diff(seconds + part_s) < 0.0)) < 0.01
+    return within and float(np.mean(np.diff(seconds + part_s) < 0.0)) < _FALLS
 
 
 def beside_each_other(table: RawTable) -> RawTable | None:

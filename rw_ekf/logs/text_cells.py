@@ -24,7 +24,7 @@ _COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 STAMP = re.compile(
     r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
-    r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}:?\d{2}| ?UTC)?"
+    r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}(:?\d{2})?| ?UTC)?"
 )
 _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
@@ -37,6 +37,8 @@ _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
 _GAPS = frozenset({"n/a", "na", "null", "none", "inf", "-inf", "+inf"})
 _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an oscilloscope's reading over its range
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
+_TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width
+_SIGN_APART = re.compile(r"(?<![^,;|\t\"])([ ]*[+-])[ ]+(?=[\d.])")  # +  1023.5, of recorders
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class TextLayout:
     width: int = 0  # cells of a row of data
     preamble: tuple[str, ...] = ()  # lines before the names
     remarks: tuple[str, ...] = ()  # of each column, where a row above has them
+    factors: tuple[tuple[str, str], ...] = ()  # of each column and its offset, where blocks above have them
     form: LineForm = NO_FORM  # what makes its lines rows of cells
     begins_with_value: bool = False  # whether each row does, or has an empty cell there: none begins with a word
     doubts: tuple[str, ...] = ()  # what of it could be otherwise
@@ -150,10 +153,12 @@ def has_units(lines: Sequence[str]) -> bool:
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Cut a line at its delimiters; no cells of what cannot be cut."""
     if delimiter == BLANKS:
-        line = _DATED.sub(r"\1-\2-\3T", line)
+        line = _TOUCHING.sub(r"\1 ", _DATED.sub(r"\1-\2-\3T", line))
         if '"' not in line:
             return line.split()
         line = re.sub(r"[ \t]+", " ", line.strip())
+    elif "+ " in line or "- " in line:
+        line = _SIGN_APART.sub(r"\1", line)
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)]
     try:

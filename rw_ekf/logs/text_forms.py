@@ -33,6 +33,9 @@ _ANY_STAMP = re.compile(
 _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|NaN|None|null"
 _WAY = r"c?cw|fwd|rev|forward|reverse|on|off|true|false"  # words that stand where a number may
 _DECIMAL_COMMA = re.compile(r"([=:][+-]?\d+),(?=\d)")
+_STAMP_LABEL = re.compile(
+    r"\s*[\w@]+=\"?(?=\d{4}-\d\d-\d\d[T ]\d\d:)([^\"\s]+(?: \d[^\"\s]*)?)\"?"
+)  # logfmt: `ts=2023-...`
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
 _ESP_IDF = re.compile(r"([EWIDV] \(\d+)(\) [\w.-]+: )")  # its levels, and ms since the start, without a unit
 _COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
@@ -99,7 +102,7 @@ def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
 
 def who_says(line: str) -> tuple[str, str]:
     """What stands between the time and the first label of a line: who says it, and which process of that is."""
-    line = _ESP_IDF.sub(r"\2", _COLOUR.sub("", line), 1)
+    line = _STAMP_LABEL.sub(r"\1", _ESP_IDF.sub(r"\2", _COLOUR.sub("", line), 1), 1)
     stamp = _ANY_STAMP.fullmatch(line)
     rest = line if stamp is None else stamp["rest"]
     masked = _PROCESS.sub(lambda match: "\0" * len(match[0]), rest)
@@ -115,7 +118,7 @@ def _labelled(line: str) -> list[tuple[str, str, str]]:
     line = _COLOUR.sub("", line)
     if (match := _ESP_IDF.match(line)) is not None:
         line = f"{match[1]} ms{line[match.end(1) :]}"
-    line = _MICROSECONDS.sub(r"\1\2", line)
+    line = _STAMP_LABEL.sub(r"\1", _MICROSECONDS.sub(r"\1\2", line), 1)
     stamp = _ANY_STAMP.fullmatch(line)
     if stamp is not None:
         found.append((_RECEIVED, stamp["stamp"], ""))

@@ -122,14 +122,16 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
     """Index of the first row of data, the layout with their width (0: there is none), how well and how many agree."""
     widths: list[int] = []
     begun: list[bool] = []  # whether a line begins with a value, or an empty cell
+    wordy: list[int] = []  # cells of a line that begins with a value though most of it is words
     numbers = 0
     for index, line in enumerate(lines[:_LOOKED_AT]):
         cells = layout.filled(line) if index >= skip_rows else []
         begun.append(bool(cells) and (not cells[0] or layout.is_value(cells[0])))
-        if not layout.is_data(cells):
-            widths.append(0)
+        is_data = layout.is_data(cells)
+        wordy.append(len(cells) if begun[-1] and cells[0] and not is_data else 0)
+        widths.append(len(cells) if is_data else 0)
+        if not is_data:
             continue
-        widths.append(len(cells))
         numbers += sum(1 if layout.is_value(cell) else -2 for cell in cells if cell)
     counted = Counter(width for width in widths if width > 1)
     if not counted:
@@ -138,7 +140,7 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
     first = [value for value, number in zip(begun, widths, strict=True) if number == width]
     if not layout.begins_with_value and sum(first) > _NEARLY_ALL * len(first):
         return _rows(lines, replace(layout, begins_with_value=True), skip_rows)
-    near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in widths]
+    near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in map(max, widths, wordy)]
     need = min(_AGREE, lines_of_it)
     begins = next(
         (i for i in range(len(widths)) if widths[i] and all(near[i : i + need]) and len(near[i : i + need]) == need),
@@ -146,6 +148,8 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
     )
     if begins is None:
         return 0, layout, 0.0, 0
+    while begins and wordy[begins - 1] == width:
+        begins -= 1
     return (
         begins,
         replace(layout, width=width),

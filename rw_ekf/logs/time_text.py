@@ -25,7 +25,7 @@ _MONTHS = {
 _TEXT = re.compile(
     r"(?:(?P<date>\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}[- ]?[A-Za-z]{3}[a-z]*[- ,]*\d{2,4}|\d{8})(?:[T _,-]+|$))?"
     r"(?:(?P<h>\d{1,3}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?\s*(?P<half>[AaPp][Mm])?)?"
-    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?"
 )
 _DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.58.12.250
     r"(?P<year>(?:19|20)\d\d)[-/.:](?P<day>[0-3]\d\d)[-T./: ]"
@@ -33,11 +33,13 @@ _DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.5
 )
 _OF_AN_HOUR = re.compile(r"(\d{1,2}:\d{2}[.,]\d+)")  # Excel's mm:ss.0
 _HOUR_S = 3600.0
+_POINTED = re.compile(r"(?P<h>[01]?\d|2[0-3])\.(?P<m>[0-5]\d)\.(?P<s>[0-5]\d)(?P<f>[.,:]\d+)?")  # 10.58.12,250
+_YEARS = 2  # at most in a log: what has more last parts than that is hours, minutes and seconds, and no date
 
 
 def is_odd_stamp(text: str) -> bool:
-    """Whether a text is a day of a year with its time, or minutes and seconds with a fraction."""
-    return bool(_DAY_OF_YEAR.fullmatch(text) or _OF_AN_HOUR.fullmatch(text))
+    """Whether a text is a day of a year with its time, minutes and seconds with a fraction, or a time with points."""
+    return any(form.fullmatch(text) for form in (_DAY_OF_YEAR, _OF_AN_HOUR, _POINTED))
 
 
 def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
@@ -46,6 +48,7 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
     if _OF_AN_HOUR.fullmatch(first):
         hours = seconds_of([f"0:{cell.strip()}" if cell and cell.strip() else cell for cell in cells])
         return None if hours is None else past_full(hours, _HOUR_S)
+    cells = _with_colons(cells)
     month_first = _month_first(cells)
     days: dict[str, float] = {}
     found = np.full(len(cells), np.nan)
@@ -72,6 +75,15 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
             seconds += _of_day(match)
         found[row] = seconds - _zone_s(match["zone"])
     return found if dated else past_midnight(found)
+
+
+def _with_colons(cells: Sequence[str | None]) -> Sequence[str | None]:
+    """Times of day that were written with points, with colons; all other cells as they are."""
+    found = [_POINTED.fullmatch(cell.strip()) for cell in cells if cell and cell.strip()]
+    times = [match for match in found if match is not None]
+    if len(times) < len(found) or not (any(m["f"] for m in times) or len({m["s"] for m in times}) > _YEARS):
+        return cells
+    return [cell and cell.strip().replace(".", ":", 2) for cell in cells]
 
 
 def past_midnight(seconds: Float64Array) -> Float64Array:
@@ -105,7 +117,7 @@ def _of_day(match: re.Match[str]) -> float:
 def _zone_s(zone: str | None) -> float:
     if zone is None or zone[0] not in "+-":
         return 0.0
-    return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:]))
+    return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[3:].strip(":") or 0))
 
 
 def _day(text: str, month_first: bool) -> float | None:

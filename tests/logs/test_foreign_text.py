@@ -326,6 +326,76 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r[::-1], "timestamp,rw_speed_rpm,rw_current_mA,remark",
         lambda i, t, w, c: f"{_at(t).isoformat(timespec='microseconds')},{w * RPM!r},{c * MA!r},nominal",
     ).encode(),
+    "counts, and what they are times in a block for each channel": lambda r: _table(
+        r, "[Header]\nCount=3\nCH1.Name=Time\nCH1.Unit=s\nCH1.Factor=0.001\nCH2.Name=Wheel speed\nCH2.Unit=rpm\n"
+        "CH2.Factor=1e-9\nCH3.Name=Motor current\nCH3.Unit=mA\nCH3.Factor=1e-9\nCH3.Offset=0\n[Data]",
+        lambda i, t, w, c: f"{round(1e3 * t)};{round(w * RPM * 1e9)};{round(c * MA * 1e9)}",
+    ).encode(),
+    "a section for each channel, and a rate": lambda r: _table(
+        r, "[General]\nSampleRate=10 Hz\n[Channel 1]\nName=Motor current\nUnit=A\n[Channel 2]\nName=n\n"
+        "Unit=1/min\n[Data]",
+        lambda i, t, w, c: f"{c!r}\t{w * RPM!r}",
+    ).encode(),
+    "columns described in a label of the Planetary Data System": lambda r: _table(
+        r, "PDS_VERSION_ID = PDS3\n" + "".join(
+            f'OBJECT = COLUMN\n  NAME = "{name}"\n  UNIT = "{unit}"\n  START_BYTE = 1\nEND_OBJECT = COLUMN\n'
+            for name, unit in (("TIME", "SECOND"), ("WHEEL_SPEED", "RPM"), ("MOTOR_CURRENT", "AMPERE"))
+        ) + "END", lambda i, t, w, c: f"{t:12.6f} {w * RPM:20.9f} {c:20.12f}",
+    ).encode(),
+    "a date beside a time with points, past midnight": lambda r: _table(
+        r, "Datum;Uhrzeit;Drehzahl [U/min];Strom [A]",
+        lambda i, t, w, c: f"{_at(t):%d.%m.%Y;%H.%M.%S,%f};{_comma(w * RPM)};{_comma(c)}",
+    ).encode(),
+    "whole seconds beside their ms, and signs apart from the numbers": lambda r: _table(
+        r, "Number,Date&Time,ms,CH1,CH2\nNO.,Time,ms,rpm,A",
+        lambda i, t, w, c: f"{i:6d},{_at(t):%Y/%m/%d %H:%M:%S},{_at(t).microsecond // 1000},"
+        + ",".join(f"{'-' if x < 0 else '+'}  {abs(x):.9f}" for x in (w * RPM, c)),
+    ).encode(),
+    "columns of a fixed width that touch": lambda r: _table(
+        r, "   TIME[S]   SPEED[RPM]   CUR[A]", lambda i, t, w, c: f"{t:10.3f}{w * RPM:15.9f}{c:13.10f}"
+    ).encode(),
+    "a header as pandas writes one of two levels": lambda r: _table(
+        r, "time_s,\"('rw1', 'speed_rpm')\",\"('rw1', 'current_mA')\"",
+        lambda i, t, w, c: f"{t!r},{w * RPM!r},{c * MA!r}"
+    ).encode(),
+    "a row a signal, words among the values": lambda r: _table(
+        r, "Timestamp [s],Key,Value",
+        lambda i, t, w, c: f'{t!r},/Robot/Project,"bench, flat"\n' * (i == 0)
+        + f"{t!r},/Flywheel/VelocityRadPerSec,{w!r}\n{t!r},/Flywheel/CurrentAmps,{c!r}\n{t!r},/Robot/Enabled,true",
+    ).encode(),
+    "a row a signal, its unit beside it": lambda r: _table(
+        r, "timestamp;parameter;value;unit",
+        lambda i, t, w, c: f"{t!r};RW_SPEED;{w * RPM!r};rpm\n{t!r};RW_CURR;{c * MA!r};mA\n{t!r};RW_MODE;IDLE;",
+    ).encode(),
+    "logfmt": lambda r: _table(
+        r, "", lambda i, t, w, c: f'ts={_at(t).isoformat(timespec="milliseconds")} level=info msg="rw telemetry" '
+        f"wheel.speed={w * RPM:.9f}rpm motor.current={c:.12f}A seq={i}",
+    ).encode(),
+    "ms since 1970 in a column that is called otherwise": lambda r: json.dumps({
+        "columns": ["utc", "wheel_rpm", "motor_mA"],
+        "data": [[round(1e3 * (BEGIN.timestamp() + t)), w * RPM, c * MA] for t, w, c in r],
+    }).encode(),
+    "messages as rostopic echo prints them": lambda r: "".join(
+        f"header: \n  seq: {i}\n  stamp: \n    secs: {1743292790 + int(t)}\n    nsecs: {round(1e9 * (t % 1.0))}\n"
+        f"name: [wheel]\nposition: [0.0]\nvelocity: [{w!r}]\neffort: [{c!r}]\n---\n" for i, (t, w, c) in enumerate(r)
+    ).encode(),
+    "rows of a dump of SQLite": lambda r: _table(
+        r, "PRAGMA foreign_keys=OFF;\nBEGIN TRANSACTION;\nCREATE TABLE log(id INTEGER PRIMARY KEY, stamp TEXT, "
+        "rpm REAL CHECK (rpm < 9e9), motor_ma REAL, note TEXT);",
+        lambda i, t, w, c: f"INSERT INTO log VALUES({i},'{_at(t):%Y-%m-%d %H:%M:%S.%f}',{w * RPM!r},{c * MA!r},"
+        "'it''s, (ok)');",
+    ).encode(),
+    "rows of a dump of MySQL": lambda r: (
+        "-- MySQL dump 10.13\nCREATE TABLE `log` (\n  `id` int NOT NULL,\n  `ts` datetime(3) NOT NULL,\n"
+        "  `rpm` double,\n  `motor_ma` decimal(20,12),\n  PRIMARY KEY (`id`)\n);\nINSERT INTO `log` VALUES " + ",".join(
+            f"({i},'{_at(t):%Y-%m-%d %H:%M:%S.%f}',{w * RPM!r},{c * MA!r})" for i, (t, w, c) in enumerate(r)
+        ) + ";\nUNLOCK TABLES;\n"
+    ).encode(),
+    "rows of a dump of PostgreSQL": lambda r: _table(
+        r, "--\n-- PostgreSQL database dump\n--\nCREATE TABLE public.log (ts timestamp, rpm real, motor_ma real);\n"
+        "COPY public.log (ts, rpm, motor_ma) FROM stdin;",
+        lambda i, t, w, c: f"{_at(t):%Y-%m-%d %H:%M:%S.%f}+00\t{w * RPM!r}\t{c * MA!r}",
+    ).encode() + b"\\.\n",
 }  # fmt: skip
 
 
@@ -452,6 +522,9 @@ def test_an_angle_that_begins_anew_gives_the_speed(tmp_path: Path, run: rw_ekf.L
         ("t [s],Motor Electrical Speed (rpm),I [A]", "divided by the pole pairs"),
         ("a,n [rpm],I [A]", "no column is known to be the time"),
         ("t [s],n [rpm],x", "no column is known to be the current"),
+        ("t [s],n [rpm],Ia [A]", "seems to be of one phase"),
+        ("t [s],n [rpm],motor phase current [A]", "seems to be of one phase"),
+        ("t [s],n [rpm],Strangstrom U [A]", "seems to be of one phase"),
     ],
 )
 def test_what_a_file_does_not_say_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:

@@ -13,6 +13,7 @@ import pytest
 import rw_ekf
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.time_text import seconds_of
 from rw_ekf.units import RAD_S_PER_RPM
 
 RPM = 1.0 / RAD_S_PER_RPM
@@ -142,6 +143,62 @@ def test_what_no_motion_speaks_against_is_asked(tmp_path: Path, run: rw_ekf.Log,
     """Electrical, wanted, scaled or another machine's numbers move as a wheel's do: what names hint at is asked."""
     found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
     assert found.guess.questions, found.guess.mapping()
+
+
+def test_a_factor_above_is_applied_to_counts_alone(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Numbers that are not whole may be products already, and an offset may be of either: both are asked."""
+    head = "CH1.Name=Time\nCH1.Unit=s\nCH2.Name=Speed\nCH2.Unit=rpm\nCH2.Factor=0.1\nCH3.Name=Current\nCH3.Unit=A"
+    done = _csv(run, head, lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}")
+    shifted = _csv(run, head + "\nCH2.Offset=500", lambda i, t, w, c: f"{t!r};{round(10.0 * w * RPM)};{c!r}")
+    for text in (done, shifted):
+        asked = [question.text for question in _guess(tmp_path / "a.txt", text).guess.questions]
+        assert len(asked) == 1
+        assert "factor 0.1" in asked[0]
+
+
+def test_a_signal_whose_unit_changes_is_no_column(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A column of units says one for each signal; where one has two, no number of it is taken."""
+    text = _csv(
+        run, "time,signal,value,unit",
+        lambda i, t, w, c: f"{t!r},speed,{w if i < 99 else w * RPM!r},{'rad/s' if i < 99 else 'rpm'}\n"
+        f"{t!r},current,{c!r},A",
+    )  # fmt: skip
+    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_the_current_of_the_q_axis_goes_before_phases_with_a_word(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`iq` makes the torque, in its drive's convention, which is said; an armature has no phases."""
+    text = _csv(run, "t_s,ia,ib,iq,rpm", lambda i, t, w, c: f"{t!r},{c * (i % 2)!r},{-c!r},{c!r},{w * RPM!r}")
+    found = _guess(tmp_path / "a.csv", text)
+    assert found.guess.mapping()["current_A"] == {"column": "iq"}
+    assert any("per ampere of the q axis" in note for note in found.guess.notes)
+    armature = _csv(run, "t_s,armature current ia [A],rpm", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
+    assert not _guess(tmp_path / "b.csv", armature).guess.questions
+
+
+def test_dates_beside_times_of_day_count(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A pause of two days in a log with a column of dates is one; dates with points are no times of day."""
+    text = _csv(
+        run, "Datum;Zeit;n [rpm];I [A]",
+        lambda i, t, w, c: f"{1 + 2 * (i >= 300):02d}.03.2026;10.{i // 10 % 30:02d}.{6 * (i % 10):02d};"
+        f"{w * RPM!r};{c!r}",
+    )  # fmt: skip
+    (tmp_path / "a.csv").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.time_s[300] - log.time_s[299] > 2 * 86400.0 - 3600.0
+    assert seconds_of(["01.02.24", "02.02.24", "03.02.24"]) == pytest.approx(1706745600.0 + 86400.0 * np.arange(3))
+    assert seconds_of(["10.05.48", "10.05.49", "10.05.50"]) == pytest.approx(36348.0 + np.arange(3))
+
+
+def test_reading_says_what_the_motion_speaks_against(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A speed without its sign reads as it stands, and the log's own warnings say so; another wheel's current too."""
+    (tmp_path / "a.csv").write_text(_csv(run, "t_s,rpm,i_A", lambda i, t, w, c: f"{t!r},{abs(w) * RPM!r},{c!r}"))
+    assert any("the log is misread" in text for text in rw_ekf.read(tmp_path / "a.csv").warnings)
+    odd = np.random.default_rng(3).permutation(run.current_A)
+    (tmp_path / "b.csv").write_text(_csv(run, "t_s,rpm,i_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{float(odd[i])!r}"))
+    found = rw_ekf.guess_columns(tmp_path / "b.csv")
+    assert any("drive and friction explain" in text for text in found.doubts)
+    assert any("drive and friction explain" in text for text in rw_ekf.read(tmp_path / "b.csv").warnings)
 
 
 def test_a_set_point_beside_the_reading_is_passed_over(tmp_path: Path, run: rw_ekf.Log) -> None:

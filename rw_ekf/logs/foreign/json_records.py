@@ -1,4 +1,7 @@
-"""JSON: a line for each row, or one document with a list of rows, a list for each column, or pandas' table in it."""
+"""JSON: a line for each row, or one document with a list of rows, a list for each column, or pandas' table in it.
+
+So too YAML, a document for each row, as `rostopic echo` and `ros2 topic echo` print messages.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,10 @@ from rw_ekf.logs.labels import remarks_beside, said_beside, units_beside
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
 _BEGIN = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
+_DOCUMENTS = re.compile(  # of a header with its stamp, as messages of ROS begin, or two that are short
+    rb"\s*(?:header:\s*\n\s+(?:seq|stamp):|[A-Za-z_]\w*:[ \r\n](?:.*?\n---[ \t]*\r?\n){2})", re.DOTALL
+)
+_BETWEEN = re.compile(r"^---[ \t]*\r?\n", re.MULTILINE)
 _DEEPEST = 8
 _TRUTH = {"true": 1.0, "false": 0.0}
 
@@ -38,7 +45,7 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     if found is None:
         raise LogError(f"{name}: is JSON without a table: it takes a list of rows, or a list for each column")
     held, beside = found
-    return _table(held, beside, name, lambda row: f"row {row + 1}")
+    return table_of_lists(held, beside, name, lambda row: f"row {row + 1}")
 
 
 def _series(document: Any) -> list[Group] | None:
@@ -65,7 +72,7 @@ def _series(document: Any) -> list[Group] | None:
 
 def _of_lines(text: str, name: str) -> RawTable:
     """A row for each line that is an object; the last may be torn."""
-    rows, lines, beside, wrong = list[dict[str, Any]](), list[int](), dict[str, Any](), list[int]()
+    rows, lines, wrong = list[dict[str, Any]](), list[int](), list[int]()
     numbered = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     for number, line in numbered:
         try:
@@ -78,6 +85,36 @@ def _of_lines(text: str, name: str) -> RawTable:
             lines.append(number)
     if len(wrong) > max(1, len(numbered) // 100):
         raise LogError(f"{name}: line {wrong[0]}: is no JSON, as {len(wrong)} of {len(numbered)} lines: mend them")
+    table = _of_records(rows, lines, name)
+    if wrong:
+        table.torn = wrong[-1] == numbered[-1][0]
+        table.warnings.append(f"{name}: line {wrong[0]} is no JSON, and was left out ({len(wrong)} such)")
+    return table
+
+
+def _read_documents(path: Path, name: str, columns: ColumnMap) -> RawTable:
+    """A row for each document of YAML; the last may be torn."""
+    import yaml
+
+    rows, lines, at = list[dict[str, Any]](), list[int](), 1
+    texts = _BETWEEN.split(path.read_text(encoding="utf-8-sig"))
+    for number, text in enumerate(texts):
+        try:
+            record = yaml.safe_load(text)
+        except yaml.YAMLError:
+            if number < len(texts) - 1:
+                raise LogError(f"{name}: the document at line {at} is no YAML: mend it, or cut it out") from None
+            record = None
+        if isinstance(record, dict):
+            rows.append(dict(_flat(record)))
+            lines.append(at)
+        at += text.count("\n") + 1
+    return _of_records(rows, lines, name)
+
+
+def _of_records(rows: list[dict[str, Any]], lines: list[int], name: str) -> RawTable:
+    """The table of records, each from its line; what the run was, in a record above them all, stands beside it."""
+    beside = dict[str, Any]()
     if not rows:
         raise EmptyLogError(f"{name}: no line holds an object: nothing was logged")
     most = max((frozenset(row) for row in rows), key=len)
@@ -88,11 +125,7 @@ def _of_lines(text: str, name: str) -> RawTable:
     if len({kind for kind, _ in records}) > 1:
         rows, places = held(records)
         lines = [lines[place] for place in places]
-    table = _table(_by_column(rows), beside, name, lambda row: f"line {lines[row]}")
-    if wrong:
-        table.torn = wrong[-1] == numbered[-1][0]
-        table.warnings.append(f"{name}: line {wrong[0]} is no JSON, and was left out ({len(wrong)} such)")
-    return table
+    return table_of_lists(_by_column(rows), beside, name, lambda row: f"line {lines[row]}")
 
 
 def _kind(row: dict[str, Any]) -> str:
@@ -164,6 +197,8 @@ def _flat(record: Mapping[str, Any], path: str = "", depth: int = 0) -> Iterator
             yield from _flat(value, f"{path}{key}.", depth + 1)
         elif not isinstance(value, list):
             yield f"{path}{key}", value
+        elif len(value) == 1 and not isinstance(value[0], dict | list):  # of one joint
+            yield f"{path}{key}", value[0]
 
 
 def _by_column(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
@@ -175,7 +210,8 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float)
 
 
-def _table(held: dict[str, list[Any]], beside: dict[str, Any], name: str, place: Any) -> RawTable:
+def table_of_lists(held: dict[str, list[Any]], beside: dict[str, Any], name: str, place: Any) -> RawTable:
+    """Columns (name -> n values) as a table, with what stands beside them. Raises EmptyLogError for no rows."""
     rows = len(next(iter(held.values()), []))
     if rows == 0:
         raise EmptyLogError(f"{name}: has no rows: nothing was logged")
@@ -221,5 +257,12 @@ FORMAT = foreign_format(
     lambda head, suffix: suffix in (".json", ".jsonl", ".ndjson") or bool(_BEGIN.match(head)),
     "a first brace or bracket; .json, .jsonl, .ndjson",
     _read,
+    otherwise="save it as CSV",
+)
+YAML = foreign_format(
+    "a stream of YAML documents",
+    lambda head, suffix: bool(_DOCUMENTS.match(head)),
+    "a first key, and lines of --- between documents",
+    _read_documents,
     otherwise="save it as CSV",
 )

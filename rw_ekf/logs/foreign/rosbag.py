@@ -8,6 +8,7 @@ from typing import Any
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.database import of_sqlite
 from rw_ekf.logs.foreign.groups import table_of_groups
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.foreign.ros_messages import Topic
@@ -23,7 +24,7 @@ def _read_2(path: Path, name: str, columns: ColumnMap) -> RawTable:
     connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
     try:
         if not _names(connection) >= {"topics", "messages"}:
-            raise LogError(f"{name}: is an SQLite database, but no bag of ROS 2: export its table as CSV")
+            return of_sqlite(path, name, columns)
         definitions = {}
         if "message_definitions" in _names(connection):
             rows = connection.execute(
