@@ -116,13 +116,13 @@ class Column:
     def rank(self) -> tuple[int, ...]:
         """How well it fits what its role is, beside others of that role."""
         said = self.said
-        electrical = said.any_of("electrical", "elec", "erpm") or self.is_of_a_phase
+        electrical = said.any_of("electrical", "elec", "erpm")
         second = said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
         whole = said.unit is not None and not said.unit.per
         return (
             int(self.name in READABLE_COLUMNS), int(not second), int(not electrical),
-            int(said.has("torque_axis")), int(not said.has("supply")), int(said.has("machine")),
-            int(said.has("raw")), int(whole),
+            int(said.has("torque_axis")), int(not said.has("supply")), int(not self.is_of_a_phase),
+            int(said.has("machine")), int(said.has("raw")), int(whole),
         )  # fmt: skip
 
     @property

@@ -55,6 +55,8 @@ def with_whole_time(table: RawTable) -> RawTable:
 def _with_days(table: RawTable) -> RawTable:
     """The table, its only times of day as seconds since 1970 where the only dates beside them are of several days."""
     stamps = [number for number in range(len(table.names)) if not table.is_plain_number(number)]
+    if len(stamps) < 2:
+        return table
     held = {number: table.numbers(number, stamps=True) for number in stamps}
     held = {number: seconds for number, seconds in held.items() if np.isfinite(seconds).all() and seconds.size > 2}
     dates = [number for number, seconds in held.items() if seconds[0] >= DAY_S and not np.any(seconds % DAY_S)]

@@ -27,11 +27,11 @@ _BEGIN = re.compile(
     re.IGNORECASE,
 )
 _CALLED = r"\s+(?:IF NOT EXISTS\s+)?(?P<table>[\w.`\"\[\]]+)\s*"
-_TEXT = r"'(?:[^'\\]|''|\\.)*'"
-_IN_BRACKETS = rf"\((?P<body>(?:{_TEXT}|[^()']|\([^()]*\))*)\)"
+_TEXT = r"'(?:[^'\\]|''|\\.)*+'"  # what has been taken stays taken, here and below: no text is gone through twice
+_IN_BRACKETS = rf"\((?P<body>(?:{_TEXT}|[^()']|\([^()]*\))*+)\)"
 _CREATE = re.compile(rf"CREATE TABLE{_CALLED}{_IN_BRACKETS}", re.IGNORECASE)
 _INSERT = re.compile(rf"INSERT INTO{_CALLED}(?:\((?P<names>[^()]*)\)\s*)?VALUES\s*", re.IGNORECASE)
-_ROW = re.compile(rf"\s*\((?P<body>(?:{_TEXT}|[^()'])*)\)\s*[,;]?")
+_ROW = re.compile(rf"\s*\((?P<body>(?:{_TEXT}|[^()'])*+)\)\s*[,;]?")
 _COPY = re.compile(rf"COPY{_CALLED}\((?P<names>[^()]*)\) FROM stdin;\r?\n(?P<rows>.*?)^\\\.", re.I | re.M | re.S)
 _NO_COLUMN = re.compile(r"\s*(PRIMARY|UNIQUE|KEY|INDEX|CONSTRAINT|FOREIGN|CHECK|FULLTEXT)\b", re.IGNORECASE)
 

@@ -96,11 +96,12 @@ def _read_documents(path: Path, name: str, columns: ColumnMap) -> RawTable:
     """A row for each document of YAML; the last may be torn."""
     import yaml
 
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     rows, lines, at = list[dict[str, Any]](), list[int](), 1
     texts = _BETWEEN.split(path.read_text(encoding="utf-8-sig"))
     for number, text in enumerate(texts):
         try:
-            record = yaml.safe_load(text)
+            record = yaml.load(text, loader)
         except yaml.YAMLError:
             if number < len(texts) - 1:
                 raise LogError(f"{name}: the document at line {at} is no YAML: mend it, or cut it out") from None
