@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ from rw_ekf.foreign_columns import GuessedColumns, doubted, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate
+from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.excerpt import read_log_or_excerpt
 from rw_ekf.logs.reader import read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
@@ -39,7 +41,6 @@ from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.wheel.model_file import WheelModel as Model
 
 if TYPE_CHECKING:
-    from rw_ekf.logs.column_map import ColumnMap
     from rw_ekf.settings.schema import Configuration
 
 __all__ = [
@@ -52,16 +53,26 @@ HasModel = Model | Fit | Diagnosis | Run
 Progress = bool | Callable[[str], object]
 
 
-def read(source: Any, columns: str | Path | ColumnMap | GuessedColumns | None = None) -> Log:
+def read(
+    source: Any,
+    columns: str | Path | ColumnMap | GuessedColumns | None = None,
+    *,
+    wheel: str | int | None = None,
+) -> Log:
     """Read a log: a file of any form of docs/logs.md, a pandas, polars or arrow table, or a mapping of names to arrays.
 
     columns: the column map of a foreign one, its path, or what `guess_columns` found; without it columns of other names
-    are guessed, if that is certain; what the motion then speaks against is among the log's warnings. Raises Error with
-    file, line and column, and what to do.
+    are guessed, if that is certain; what the motion then speaks against is among the log's warnings. wheel: of a file
+    or table that holds several, the one of that name or number: by the groups that bear it (InfluxDB's tag, a topic),
+    or the rows in which the column that tells them apart has it. Raises Error with file, line and column, and what to
+    do.
     """
     taken = columns.column_map if isinstance(columns, GuessedColumns) else columns
+    if wheel is not None:
+        given = load_column_map(taken) if isinstance(taken, str | Path) else taken or ColumnMap()
+        taken = replace(given, wheel=str(wheel))
     log = read_log(source, taken) if isinstance(source, str | Path) else read_columns(source, taken)
-    guessed = taken is None and any(source.column != name for name, source in log.sources.items())
+    guessed = columns is None and any(source.column != name for name, source in log.sources.items())
     return doubted(log) if guessed else log
 
 

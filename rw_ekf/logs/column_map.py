@@ -74,6 +74,7 @@ class ColumnMap:
     layout: MatlabLayout = "columns"
     dbc: str | None = None  # path
     only: tuple[str | int, str] | None = None  # a column, and which of its values
+    wheel: str | None = None  # of several, by name or number, however the file tells them apart; in no map's file
 
     def uses(self, number: int, name: str) -> bool:
         """Whether a source takes the numbers of the column with this number or name; a direction may be in words."""

@@ -29,6 +29,7 @@ class RawTable:
     place: Callable[[int], str]  # row index (from 0) -> "line 17", for messages
     warnings: list[str] = field(default_factory=list)
     torn: bool = False  # rows are missing behind the last one
+    one_wheel: bool = False  # the wheel that the map names was chosen by groups of the file
     preamble: tuple[str, ...] = ()  # lines of a text above the names, or what stands beside the numbers as `key: value`
     units: dict[str, str] = field(default_factory=dict)  # by name of column, where the file has them beside the names
     remarks: dict[str, str] = field(default_factory=dict)  # by name of column: what the file says of it in prose

@@ -24,6 +24,7 @@ from rw_ekf.logs.raw_table import RawTable, stacked
 from rw_ekf.logs.side_by_side import beside_each_other, with_whole_time
 from rw_ekf.logs.sums import all_sums, part_key, sums_of
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.logs.which_wheel import rows_of_wheel
 
 
 def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) -> WheelLog:
@@ -58,6 +59,8 @@ def _map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
 
 
 def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
+    if column_map.wheel is not None and not table.one_wheel:
+        table = rows_of_wheel(table, column_map.wheel)
     if not column_map.sources and column_map.rate_hz is None and needs_guess(table):
         try:
             column_map = guessed_map(table, column_map)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.row_rules import usual_step
 from rw_ekf.logs.vectors import vector_of
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+from rw_ekf.logs.which_wheel import of_wheel
 
 _SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
 _OWN = {"time_s", "command_delay_s", "segment"}  # what every log of this program has, and nobody else's
@@ -47,12 +48,20 @@ class Group:
 def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTable:
     """The group that the map's `variable` names; else a log of this program; else the only one; else all joined.
 
-    All are put on the times of the one with most rows.
+    Of groups of several wheels those of the map's `wheel` alone. All are put on the times of the one with most rows.
     Joined, a column is called `group.channel` and has at each time the last value known by then, NaN before the first.
     What is joined are the columns that the map asks for; all of them where one that it asks for is not there.
     Raises LogError if `variable` names no group, EmptyLogError if no group holds a number.
     """
     groups = _distinct([group for group in groups if group.rows and group.channels])
+    if columns.wheel is not None and (its := of_wheel((group.name for group in groups), columns.wheel)):
+        of_it = [group for group in groups if group.name in its]
+        logs = [group.name for group in of_it if group.channels.keys() >= _OWN]
+        if len(logs) > 1 and columns.variable is None:
+            raise LogError(f"{name}: holds several logs of '{columns.wheel}', {_shown(logs)}: name one by its run")
+        table = table_of_groups(of_it, replace(columns, wheel=None), name)
+        table.one_wheel = True
+        return table
     shown = _shown([group.name for group in groups])
     if columns.variable is not None:
         chosen = [group for group in groups if group.name == columns.variable]
