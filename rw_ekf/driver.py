@@ -11,6 +11,7 @@ from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSamp
 # Why a command is not what was asked for (IssuedCommand.reason), beside the words of a wire map.
 TIMEOUT = "timeout"
 ACTED_THOUGH = "acted_though_"  # and the word of the refusal
+OPPOSITE = "opposite"  # telemetry tells the current that was written with the other sign
 ZERO_BY_MODE = "zero_by_mode_idle"
 ZERO_BY_RESET = "zero_by_reset"
 

@@ -16,7 +16,7 @@ from rw_ekf.drivers.can.can_cycle import Told
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
 from rw_ekf.drivers.can.can_hearing import Hearing
-from rw_ekf.drivers.can.can_map import NOT_TAKEN, CanMap
+from rw_ekf.drivers.can.can_map import NOT_TAKEN, TAKEN_OPPOSITE, CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.registers import decode_register
@@ -64,7 +64,7 @@ class CanLink:
         self._bitrate = layout.file.bus.bitrate
         self._given: Told | None = None
         self._alive = dict.fromkeys(layout.codecs, 0)
-        self._driving = False
+        self._sent_A = 0.0  # the last that was commanded
         self._no_room_since_s: float | None = None
         self._wait_s = _CYCLES_WAITED * layout.period_s("cycle")
         self._against_since_s: float | None = None  # telemetry says another current than the one commanded
@@ -205,16 +205,17 @@ class CanLink:
             current_A = register.fields[0].to_si(number)
             message = self._layout.command.message
             numbers = dict[str, float](file.command.constants) | {self._layout.command.signal: number}
-            if current_A != 0.0 and not self._driving and file.enable is not None:
+            if current_A != 0.0 and self._sent_A == 0.0 and file.enable is not None:
                 self._send(file.enable.message, file.enable.signals)
-        self._driving = current_A != 0.0
         self.counters.requests += 1
-        return self._confirmed(message, numbers, current_A, deadline_s)
+        exchange = self._confirmed(message, numbers, current_A, deadline_s)
+        self._sent_A = current_A
+        return exchange
 
     def _confirmed(self, message: str, numbers: Mapping[str, float], current_A: float, deadline_s: float) -> Exchange:
         """Send; acknowledged where a cycle behind it has this current, refused where several have another."""
         arrived_s = self._send(message, numbers)
-        seen, against = self._heard.cycle.newest, 0
+        seen, against, opposite = self._heard.cycle.newest, 0, 0
         can_tell = self._confirming is not None
         while arrived_s is not None and can_tell and self._clock.monotonic() < deadline_s:
             self._heard.take(deadline_s - self._clock.monotonic())
@@ -227,6 +228,7 @@ class CanLink:
                 self._against_since_s = None
                 return Exchange(_OK, arrived_s, told.time_s)
             against += 1
+            opposite += self._is_in_force(told, -current_A) and not self._is_in_force(told, self._sent_A)
             if against == _AGAIN_AFTER:
                 arrived_s = self._send(message, numbers)
             elif against == _NOT_TAKEN_AFTER:
@@ -235,7 +237,8 @@ class CanLink:
         if against > _AGAIN_AFTER:
             self._note_against(now_s)
             self.bus.forget_unsent()
-            return Exchange(bytes((NOT_TAKEN,)), arrived_s or now_s, now_s)
+            status = TAKEN_OPPOSITE if opposite > _AGAIN_AFTER else NOT_TAKEN
+            return Exchange(bytes((status,)), arrived_s or now_s, now_s)
         if can_tell or arrived_s is None:
             self.counters.timeouts += 1
             self.bus.forget_unsent()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pydantic import PrivateAttr
 
 from rw_ekf.checking.findings import Where
+from rw_ekf.driver import OPPOSITE
 from rw_ekf.drivers.can.can_check import MapCheck, signal_field, used_messages
 from rw_ekf.drivers.can.can_file import FLAG_BITS, CanFile, FrameCare
 from rw_ekf.drivers.can.can_frames import MessageCodec
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
 RESET_ID, COMMAND_ID, IDLE_ID = 1, 3, 10
 IDENTITY_ID, STATUS_ID, CYCLE_ID, FIRST_OWN_ID = 128, 130, 137, 140
-NOT_TAKEN = 1  # status of a write that telemetry does not bear out
-_STATUSES = {0: "ok", NOT_TAKEN: "not_taken"}
+NOT_TAKEN, TAKEN_OPPOSITE = 1, 2  # statuses of a write that telemetry does not bear out, or with the other sign
+_STATUSES = {0: "ok", NOT_TAKEN: "not_taken", TAKEN_OPPOSITE: OPPOSITE}
 IDENTITY = ("type", "version", "serial_number")
 
 

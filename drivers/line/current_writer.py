@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from rw_ekf.clock import Clock
-from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
+from rw_ekf.driver import ACTED_THOUGH, OPPOSITE, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
 from rw_ekf.drivers.line.wheel_registers import telling_register
@@ -41,7 +41,12 @@ class CurrentWriter:
         told_by = None if self._telling is None else self._telling.field("current_command")
         self._told_by = told_by if told_by is not None else wire_map.current_command.fields[0]
         self._reset_again_s = host.monotonic()
-        self.drives = False  # whether the last current that was written is not zero
+        self._sent_A = 0.0  # the last that was written
+
+    @property
+    def drives(self) -> bool:
+        """Whether the last current that was written is not zero."""
+        return self._sent_A != 0.0
 
     def command(self, current_A: float) -> Written:
         """Write a current [A] as `SerialWheel.command_current` says."""
@@ -53,16 +58,19 @@ class CurrentWriter:
         except ValueError as error:
             raise DriverError(f"{self._line.name}: {error}. Set limits.current_A to what the wheel takes") from error
         exchange, reason = self._write(register, data)
-        sent_A = rounded_si(field, current_A)
-        self.drives = sent_A != 0.0
+        before_A, sent_A = self._sent_A, rounded_si(field, current_A)
+        self._sent_A = sent_A
         received_s = exchange.received_by_wheel_s
         if reason is None:
             return Written(sent_A, received_s)
         told_A = self._told_A()
         if told_A is None:
             return Written(sent_A, received_s, False, reason)
-        if abs(told_A - sent_A) <= max(_step_A(field, sent_A), _step_A(self._told_by, sent_A)):
+        may_A = max(_step_A(field, sent_A), _step_A(self._told_by, sent_A))
+        if abs(told_A - sent_A) <= may_A:
             return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
+        if abs(told_A + sent_A) <= may_A < abs(told_A - before_A):  # and it is not the one from before that holds on
+            return Written(told_A, received_s, reason=OPPOSITE)
         return Written(told_A, received_s, reason=reason)
 
     def stop(self, by: str | None = None) -> Written:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.commissioning.bench import Bench, Row
+from rw_ekf.commissioning.bench import Bench, OppositeError, Row
 from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.motion_fit import MotionFit, fit_late_motion
@@ -53,7 +53,7 @@ def find_sign(work: Work) -> dict[str, Any]:
     ratio = work.options.speed_ratio
     factors: dict[tuple[str, str], float] = {}
     path = found
-    moved = _moved(work, ratio)
+    moved = _first_moved(work, ratio)
     turned = turned_signs(moved.fit.gain, moved.ratios)
     if turned:
         factors |= turned
@@ -93,6 +93,31 @@ def find_sign(work: Work) -> dict[str, Any]:
         "checked": _checked(moved, unit),
         "residual_rpm": rpm_from_rad_s(ratio * moved.fit.residual_rad_s),
     }
+
+
+def _first_moved(work: Work, ratio: float | None) -> Moved:
+    """Ramps and pulses through the map that was found, or one by which commands are taken.
+
+    Where telemetry tells the opposite of each command, so that none counts as taken, they go through a copy in which
+    what is told is turned; what that shows is given as the map that was found would tell it. Raises RefusedError.
+    """
+    try:
+        return _moved(work, ratio)
+    except OppositeError as error:
+        opposite, found = error, work.progress["find"]["protocol"]
+    for field, name in (("current_command", "echo"), ("current", "measured")):
+        try:
+            path = write_corrected_map(found, {(field, READ): -1.0}, work.progress.directory)
+        except RefusedError:  # the map has no such field
+            continue
+        work.dialogue.say("sign", f"telemetry tells the opposite of each command; moved with {field} as read turned")
+        try:
+            moved = _moved(work, ratio, path)
+        except OppositeError:  # it is the other field that confirms a command
+            continue
+        told = getattr(moved.ratios, name)
+        return moved._replace(ratios=moved.ratios._replace(**{name: None if told is None else -told}))
+    raise opposite
 
 
 def _moved(

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rw_ekf.clock import VirtualClock
+from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.driver import ZERO_BY_MODE
 from rw_ekf.drivers.line.ascii_codec import STARTUP_ID, checksum_of
 from rw_ekf.drivers.line.ascii_protocol import AsciiProtocol
@@ -276,6 +277,15 @@ def test_an_odrive_is_made_ready_before_its_first_torque_and_again_when_it_was_a
     assert (sample.segment, sample.news[0]) == (1, "wheel_restarted")
     assert wheel.command_current(0.01).acknowledged
     assert rig.start_lines() == [0, 1, 2, 0, 1, 2]
+
+
+def test_a_torque_that_is_told_with_the_other_sign_is_not_taken(tmp_path: Path) -> None:
+    """A map whose command alone has the wrong sign: what is read back says so."""
+    rig = Rig("odrive-ascii-wheel")
+    wrong = write_corrected_map("odrive-ascii-wheel", {("current_command", "write"): -1.0}, tmp_path)
+    wheel = VirtualCable(rig.server, rig.clock).carrying(protocol_named(wrong)).open_wheel("nowhere", rig.clock, 0.04)
+    assert wheel.command_current(0.01).reason == "opposite"
+    assert rig.server.command_A == pytest.approx(-0.01)
 
 
 @pytest.mark.parametrize("name", ["arduino", "odrive-ascii-wheel"])

@@ -238,7 +238,7 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options, s
 
 def options_of(draw: Draw, directory: Path) -> Options:
     """The options: a limit of current that the wheel can be identified within, one of speed, the map that is wrong."""
-    told = {"speed", "current", *(("current_command",) if "sunspace" in draw.family else ())}
+    told = {"speed", "current", *(() if draw.family == "nsp-wheel" else ("current_command",))}
     factors = {key: -1.0 for key in draw.turned if key[1] == "write" or key[0] in told}
     if draw.scale != 1.0:
         factors["speed", "read"] = factors.get(("speed", "read"), 1.0) * draw.scale

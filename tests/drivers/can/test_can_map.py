@@ -120,6 +120,25 @@ def test_a_wheel_of_another_kind_by_its_map_alone(serve: Callable[[Map], Bench])
     wheel.close()
 
 
+@pytest.mark.parametrize("confirmed_by", ["current", "current_command"])
+def test_a_sign_that_is_wrong_where_the_current_is_written_is_named(
+    serve: Callable[[Map], Bench], tmp_path: Path, confirmed_by: str
+) -> None:
+    """Telemetry tells the opposite of each command, whatever confirms it: that is the reason, and it is never taken."""
+    told = {"speed": "State.Omega", confirmed_by: "State.Iq"}
+    content = changed(telemetry=told, command=INLINE["command"] | {"confirmed_by": confirmed_by})
+    bench = serve(content)
+    drive = next(message for message in content["messages"] if message["name"] == "Drive")
+    drive["signals"][0]["scale"] = -1.0
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(yaml.safe_dump(content), encoding="utf-8")
+    bench.protocol = str(wrong)
+    wheel = opened(bench)
+    assert [wheel.command_current(current_A).reason for current_A in (0.1, 0.1, 0.2, -0.3)] == ["opposite"] * 4
+    assert wheel.command_current(0.0).reason is None
+    wheel.close()
+
+
 def test_a_wheel_that_tells_no_current_confirms_none(serve: Callable[[Map], Bench]) -> None:
     """Neither commanded nor measured: the command goes out, acts, and stays unacknowledged, and so does a zero."""
     content = changed(telemetry={"speed": "State.Omega"}, command={"signal": "Drive.Current"})
