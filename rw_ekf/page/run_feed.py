@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ _MOST_EVENTS = 2000
 _SPEEDS = 121  # of the friction curve
 _RECENT_BYTES = 1 << 18
 _ALL = (-np.inf, np.inf)
+
+Believed = Mapping[str, tuple[float, float]]  # value and standard deviation, by the name in the estimates
 
 
 class RunFeed:
@@ -131,9 +134,16 @@ class RunFeed:
         except OSError:
             return False
 
-    def curve(self, top_rad_s: float) -> dict[str, Any] | None:
-        """The friction torque per unit inertia over the speed, with its sigma, as believed now and as begun."""
-        found = {name: curve for name, path in self.models().items() if (curve := friction_curve(path, top_rad_s))}
+    def curve(self, top_rad_s: float, believed: Believed | None = None) -> dict[str, Any] | None:
+        """The friction torque per unit inertia over the speed, with its sigma, as believed now and as begun.
+
+        believed: numbers in place of those of the model that was kept last, which may be a minute old.
+        """
+        models = self.models()
+        kept = models.get("now", models.get("began"))
+        now = friction_curve(kept, top_rad_s, believed) if kept else None
+        began = friction_curve(models["began"], top_rad_s) if "began" in models else None
+        found = {name: curve for name, curve in (("began", began), ("now", now)) if curve}
         return {"kind": "curve", **found} if found else None
 
 
@@ -174,22 +184,50 @@ class RunTail:
         return new
 
 
-def friction_curve(model: Path, top_rad_s: float) -> dict[str, Any] | None:
-    """Speeds [rad/s], friction and its sigma [rad/s^2], all effects included; None where the file holds no model."""
-    from rw_ekf.public import Estimator
+def friction_curve(model: Path, top_rad_s: float, believed: Believed | None = None) -> dict[str, Any] | None:
+    """Speeds [rad/s], friction and its sigma [rad/s^2], all effects included; None where the file holds no model.
+
+    believed: numbers and their sigmas in place of the model's, by their names in the estimates; how they go together
+    (their correlations) is the model's.
+    """
+    from rw_ekf.filter.estimator import Estimator
+    from rw_ekf.records import WheelSample
+    from rw_ekf.starting_point import setup_of_model
+    from rw_ekf.wheel.model_file import read_model
 
     try:
-        estimate = Estimator(model=model).step(0.0, None, 0.0)
+        setup = setup_of_model(read_model(model), 1.0, 1.0, 0.1)  # noises, that move no friction
+        mean, std = setup.prior.mean.copy(), np.sqrt(np.diag(setup.prior.covariance))
+        share = np.ones_like(std)
+        for i, name in enumerate(setup.state_names):
+            if name in (believed or {}) and std[i] > 0.0:
+                mean[i], sigma = (believed or {})[name]
+                share[i] = sigma / std[i]
+        covariance = setup.prior.covariance * np.outer(share, share)
+        estimator = Estimator(setup.constants, mean, covariance, effects=setup.effects, drift=setup.effect_drift)
+        estimate = estimator.step(WheelSample(0.0, None))
     except RwEkfError:
         return None
     half = np.linspace(0.0, 1.0, _SPEEDS // 2 + 1)[1:] ** 2 * max(top_rad_s, 1.0)  # dense where it bends
     speeds = np.concatenate([-half[::-1], half])
-    believed = [estimate.friction_torque_rad_s2(float(speed)) for speed in speeds]
+    torques = [estimate.friction_torque_rad_s2(float(speed)) for speed in speeds]
     return {
         "speed_rad_s": speeds.tolist(),
-        "friction_rad_s2": [one.value for one in believed],
-        "std_rad_s2": [one.std for one in believed],
+        "friction_rad_s2": [one.value for one in torques],
+        "std_rad_s2": [one.std for one in torques],
     }
+
+
+def believed_of(rows: Columns) -> dict[str, tuple[float, float]]:
+    """The last of each number of rows of estimates that has a sigma, but the speed."""
+    found = {}
+    for name in rows:
+        if name != "speed_rad_s" and f"std_{name}" in rows:
+            known = zip(reversed(rows[name]), reversed(rows[f"std_{name}"]), strict=False)
+            last = next(((value, std) for value, std in known if value is not None and std is not None), None)
+            if last is not None:
+                found[name] = last
+    return found
 
 
 def runs_in(folder: Path) -> list[Path]:

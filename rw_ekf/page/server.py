@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import json
+import math
 import secrets
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -25,7 +26,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from rw_ekf.errors import BadInputError
-from rw_ekf.page.run_feed import POINTS, RunFeed, runs_in
+from rw_ekf.page.run_feed import POINTS, Believed, RunFeed, believed_of, runs_in
 from rw_ekf.page.run_report import Reports
 
 STATIC = Path(__file__).parent / "static"
@@ -111,6 +112,7 @@ class Watcher:
 
     def __init__(self, feed: RunFeed) -> None:
         self.clients: set[asyncio.Queue[bytes]] = set()
+        self.top_rad_s = 1.0  # up to which friction is shown, as was asked for last
         self._feed = feed
         self._task: asyncio.Task[None] | None = None
 
@@ -129,11 +131,16 @@ class Watcher:
     async def _watch(self) -> None:
         tail = await run_in_threadpool(self._feed.tail)
         models: object = None
+        believed: dict[str, tuple[float, float]] = {}
+        drawn = believed
         looks, per_state, per_curve = 0, round(_STATE_S / _LOOK_S), round(_CURVE_S / _LOOK_S)
         while self.clients:
             rows = await run_in_threadpool(tail.look)
             if any(rows[key] for key in ("log", "estimates", "events")):
                 self._tell(rows)
+                believed = believed | believed_of(rows["estimates"])
+                speeds = [abs(speed) for speed in rows["log"].get("speed_rad_s", ()) if speed is not None]
+                self.top_rad_s = max(self.top_rad_s, 1.1 * max(speeds, default=0.0))
             if looks % per_state == 0 and (state := await run_in_threadpool(self._feed.state)) is not None:
                 self._tell(state)
             if looks % per_curve == 0:
@@ -141,6 +148,10 @@ class Watcher:
                 if now != models:
                     self._tell({"kind": "models"})
                     models = now
+                elif believed != drawn:  # the model's file is up to a minute old
+                    drawn = believed
+                    if (curve := await run_in_threadpool(self._feed.curve, self.top_rad_s, believed)) is not None:
+                        self._tell(curve)
             looks += 1
             await asyncio.sleep(_LOOK_S)
 
@@ -193,9 +204,12 @@ class _Answers:
         feed = await run_in_threadpool(self._place.feed, request.query_params.get("run", ""))
         try:
             top = min(max(float(request.query_params.get("top", "100")), 1.0), 1.0e5)
-        except ValueError:
-            return _refusal(400, "top is a number")
-        found = await run_in_threadpool(lambda: feed.curve(top) or {"kind": "curve"})
+            believed = _believed(json.loads(request.query_params.get("believed", "{}")))
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            return _refusal(400, "top is a number, believed an object of [value, sigma]")
+        if feed.name in self._place.watchers:
+            self._place.watchers[feed.name].top_rad_s = top
+        found = await run_in_threadpool(lambda: feed.curve(top, believed) or {"kind": "curve"})
         return _json(found)
 
     async def live(self, request: Request) -> Response:
@@ -291,6 +305,14 @@ class _Guard:
             await send(message)
 
         await self._app(scope, receive, sending)
+
+
+def _believed(said: Any) -> Believed:
+    """Numbers with their sigmas. Raises ValueError, TypeError or AttributeError for anything else."""
+    found = {str(name): (float(value), float(std)) for name, (value, std) in said.items()}
+    if not all(math.isfinite(value) and 0.0 <= std < math.inf for value, std in found.values()):
+        raise ValueError("not finite")
+    return found
 
 
 def _event(message: dict[str, Any]) -> bytes:

@@ -10,7 +10,7 @@ import pytest
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.page.growing_table import GrowingTable, read_thinned
-from rw_ekf.page.run_feed import RunFeed, runs_in
+from rw_ekf.page.run_feed import RunFeed, believed_of, runs_in
 from tests.page.runs import RunOnDisk
 
 
@@ -110,6 +110,26 @@ def test_the_curve_is_the_models_friction(tmp_path: Path) -> None:
     assert now["friction_rad_s2"][-1] == pytest.approx(30.0 * viscous + coulomb, rel=1e-3)
     assert now["friction_rad_s2"][0] == pytest.approx(-now["friction_rad_s2"][-1], rel=1e-6)
     assert 0.0 < now["std_rad_s2"][-1] < 0.2 * now["friction_rad_s2"][-1]
+
+
+def test_the_curve_of_what_is_believed_between_two_saves_of_the_model(tmp_path: Path) -> None:
+    """Numbers of the estimates in place of the file's, the last that are whole; half the sigmas, half the band."""
+    import rw_ekf
+
+    run = RunOnDisk(tmp_path)
+    run.add(25)
+    feed = RunFeed(run.log)
+    assert believed_of(feed.history()["estimates"]) == {
+        "motor_gain": (15.0, 2.0), "viscous": (0.003, 0.001), "coulomb": (0.5, 0.1), "static": (0.6, 0.1),
+    }  # fmt: skip
+    model = rw_ekf.fit(rw_ekf.simulate("identification", duration_s=120.0, seed=2)).model
+    model.save(tmp_path / f"{run.name}.model.yaml")
+    believed = {name: (1.1 * value, 0.5 * std) for name, (value, std, _) in model.numbers.items()}
+    saved, now = feed.curve(30.0), feed.curve(30.0, believed)
+    assert saved is not None
+    assert now is not None
+    for name, factor in (("friction_rad_s2", 1.1), ("std_rad_s2", 0.5)):
+        assert now["now"][name][-1] == pytest.approx(factor * saved["now"][name][-1], rel=0.02)
 
 
 def test_the_last_minute_of_the_speed_has_no_holes(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ import pytest
 import uvicorn
 
 import rw_ekf
+from rw_ekf.page.run_feed import RunFeed
 from rw_ekf.page.run_report import Reports, report_path
 from rw_ekf.page.server import Access, Place, Watcher, page_app
 from rw_ekf.page.serving import _listening
@@ -114,6 +115,34 @@ def test_a_history_and_the_list_of_runs(served: Served, run: RunOnDisk) -> None:
     status, _, body = served.get("/api/history?run=../../etc/passwd")
     assert status == 404
     assert "there is no run" in body["error"]
+
+
+def test_what_is_believed_is_numbers_or_refused(served: Served) -> None:
+    """Of the curve: an object of [value, sigma], finite and above zero; anything else is a mistake of who asks."""
+    assert served.get("/api/curve?believed=%7B%22coulomb%22:%5B0.5,0.1%5D%7D")[0] == 200
+    for odd in ("x", "3", "%5B1%5D", "%7B%22c%22:1%7D", "%7B%22c%22:%5B1,-1%5D%7D", "%7B%22c%22:%5B1,NaN%5D%7D"):
+        assert served.get(f"/api/curve?believed={odd}")[0] == 400
+
+
+def test_a_watcher_tells_the_curve_as_it_is_learned(run: RunOnDisk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a new model on disk: what new rows believe is drawn, up to the fastest that was seen."""
+    monkeypatch.setattr("rw_ekf.page.server._LOOK_S", 0.01)
+    monkeypatch.setattr("rw_ekf.page.server._CURVE_S", 0.02)
+    model = rw_ekf.fit(rw_ekf.simulate("identification", duration_s=120.0, seed=2)).model
+    model.save(run.folder / f"{run.name}.start.yaml")
+
+    async def told() -> dict[str, Any]:
+        async with Watcher(RunFeed(run.log)).client() as queue:
+            while True:
+                message = json.loads((await asyncio.wait_for(queue.get(), 60.0)).decode()[6:])
+                if message["kind"] == "models":
+                    run.add(200)
+                if message["kind"] == "curve":
+                    return dict(message)
+
+    curve = asyncio.run(told())
+    assert curve["now"]["speed_rad_s"][-1] == pytest.approx(44.0, abs=1.0)
+    assert curve["now"]["friction_rad_s2"] != curve["began"]["friction_rad_s2"]
 
 
 def test_the_runs_of_a_line_whose_wheels_have_folders_of_their_own(run: RunOnDisk, tmp_path: Path) -> None:

@@ -118,8 +118,21 @@ class Pane {
   async loadCurve() {
     let top = 10;
     for (const value of this.log.column("speed_rad_s")) if (value != null && Math.abs(value) > top) top = Math.abs(value);
-    this.curve = await (await ask(`api/curve?run=${encodeURIComponent(this.run)}&top=${1.1 * top}`)).json();
+    this.asked = performance.now();
+    const believed = encodeURIComponent(JSON.stringify(this.believed()));
+    this.curve = await (await ask(`api/curve?run=${encodeURIComponent(this.run)}&top=${1.1 * top}&believed=${believed}`)).json();
     this.dirty = true;
+  }
+
+  lastRow() { return this.until == null ? this.estimates.rows - 1 : this.estimates.upTo(this.until + this.zero()) - 1; }
+
+  believed() { // each parameter and effect with its sigma, at what is played or now
+    const at = this.lastRow(), found = {};
+    for (const name of this.parameters()) {
+      const value = known(this.estimates.column(name), at), std = known(this.estimates.column(`std_${name}`), at);
+      if (value != null && std != null) found[name] = [value, std];
+    }
+    return found;
   }
 
   async follow() { // server-sent events by fetch, for EventSource sends no header
@@ -152,6 +165,7 @@ class Pane {
       if (message.events.length) { this.events = [...this.events, ...message.events].slice(-2000); this.listEvents(); }
     } else if (message.kind === "state") this.take(message);
     else if (message.kind === "models") await this.loadCurve();
+    else if (message.kind === "curve") { if (this.until == null) this.curve = message; }
     else if (message.kind === "behind") await this.load();
     this.dirty = true;
   }
@@ -213,8 +227,8 @@ class Pane {
       return [E("time_s"), rpm(E("innovation_rad_s")), std.map((v) => (v == null ? null : 2 * v)), std.map((v) => (v == null ? null : -2 * v))];
     }, { band: [2, 3], legend: (d, i) => `${short(d[1][i])} rpm` });
     time("NIS, mean of 30; 1 is what it should be", "", [line("NIS")], () => [E("time_s"), running(E("nis"), 30)], { legend: (d, i) => short(d[1][i]), range: (low, high) => [0, Math.max(2, Math.min(high, 40) * 1.1)], level: 1 });
-    this.chart(right, "friction over the speed, as it is being learned", "rad/s²", [line("believed"), ...edges(), faint("at the start")], () => this.frictionData(), { band: [2, 3], x: "rpm", lit: true, legend: (d, i) => `${short(d[1][i])} rad/s² at ${short(d[0][i])} rpm` });
-    this.chart(left, "what the model leaves, over the speed", "sigmas", [{ label: "left", stroke: () => colour("--b"), width: 2, points: { show: true, size: 6 } }, ...edges()], () => this.residualMap(), { band: [2, 3], x: "rpm", level: 0, legend: (d, i) => `${short(d[1][i])} at ${short(d[0][i])} rpm` });
+    this.chart(right, "friction over the speed, as it is being learned", "rad/s²", [line("believed"), ...edges(), faint("at the start")], () => this.frictionData(), { band: [2, 3], x: "rpm", lit: true, summary: atTop, legend: (d, i) => `${short(d[1][i])} rad/s² at ${short(d[0][i])} rpm` });
+    this.chart(left, "what the model leaves, over the speed", "sigmas", [{ label: "left", stroke: () => colour("--b"), width: 2, points: { show: true, size: 6 } }, ...edges()], () => this.residualMap(), { band: [2, 3], x: "rpm", level: 0, summary: farthest, legend: (d, i) => `${short(d[1][i])} at ${short(d[0][i])} rpm` });
     for (const name of this.parameters()) {
       this.chart(right, NAMES[name] || name.replaceAll("_", " "), UNITS[name] || "", [line(name), ...edges()], () => {
         const values = E(name);
@@ -326,7 +340,7 @@ class Pane {
   }
 
   lastOf(u, options) { // a run writes its belief whole once a second, and what changes in each row
-    if (!options.time) return "";
+    if (options.summary) return options.summary(u.data);
     const told = u.data[options.last || 1];
     let i = told.length - 1;
     while (i > 0 && told[i] == null) i--;
@@ -357,7 +371,7 @@ class Pane {
   }
 
   table() {
-    const at = this.until == null ? this.estimates.rows - 1 : this.estimates.upTo(this.until + this.zero()) - 1;
+    const at = this.lastRow();
     const valid = (this.until == null && this.state && this.state.valid) || {};
     const rows = this.parameters().map((name) => {
       const value = known(this.estimates.column(name), at), std = known(this.estimates.column(`std_${name}`), at);
@@ -380,7 +394,7 @@ class Pane {
       button.type = "button";
       time.textContent = event.time_s == null ? (event.utc || "").slice(11, 19) : clock(event.time_s - this.zero());
       const what = event.event === "state" ? `${event.state}: ${event.reason || ""}` : `${(event.event || "").replaceAll("_", " ")}${event.text || event.reason ? `: ${event.text || event.reason}` : ""}`;
-      button.append(time, what);
+      button.append(time, " ", what);
       if (event.time_s != null) button.addEventListener("click", () => this.see(event.time_s - 15, event.time_s + 15));
       item.append(button);
       return item;
@@ -432,6 +446,7 @@ class Pane {
     this.until += (now - this.stamp) / 1000 * Number(this.q(".speed").value);
     this.stamp = now;
     if (this.until + this.zero() >= (this.estimates.columns.time_s.at(-1) ?? 0)) { this.until = null; this.playing = false; this.q(".play").textContent = "Play"; }
+    if (now - this.asked > 1000 || !this.playing) this.loadCurve().catch(() => {}); // what was believed then; the next second asks again
     this.dirty = true;
   }
 }
@@ -443,6 +458,17 @@ function splice(table, more, from, to) { // rows of a stretch in place of the th
     const finer = more[name] || new Array(more.time_s.length).fill(null);
     table.columns[name] = [...table.columns[name].slice(0, first), ...finer, ...table.columns[name].slice(last)];
   }
+}
+
+function atTop(data) { // of friction: between rest and the fastest, for who cannot see the curve
+  const i = Math.round(0.75 * (data[0].length - 1)), value = data[1][i];
+  return value == null ? "" : `${short(value)} ± ${short((data[2][i] - value) / 2)} at ${short(data[0][i])} rpm`;
+}
+
+function farthest(data) { // of the residual: where it is farthest out of its band
+  let at = -1, most = 0;
+  data[1].forEach((value, i) => { const out = value == null ? 0 : Math.abs(value) / data[2][i]; if (out > most) { most = out; at = i; } });
+  return at < 0 ? "" : `farthest ${short(data[1][at])} at ${short(data[0][at])} rpm`;
 }
 
 function known(values, at) { // the last that is, up to a row
