@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+import rw_ekf
 from rw_ekf.settings.resources import config_directory
 from tests.recorders.ticks import ALARM, recorder, turn
 
@@ -41,6 +42,23 @@ def test_the_layout_draws_what_is_sent(tmp_path: Path) -> None:
     assert set(drawn) <= set(sent[4])
     for splitter in layout.iter("DockSplitter"):
         assert int(splitter.attrib["count"]) == len(splitter) == len(splitter.attrib["sizes"].split(";"))
+
+
+@pytest.mark.parametrize("within", ["rw_ekf", ""])
+def test_a_capture_is_read_as_the_log_that_it_was_sent_beside(tmp_path: Path, within: str) -> None:
+    """The samples of what was sent, a line each, under their own names; nothing of the estimates is among them.
+
+    So is what a broker was sent, which stands one level higher.
+    """
+    path = tmp_path / "capture.jsonl"
+    held = {"current_command_A": 0.2, "command_delay_s": 0.012}
+    samples = [{"time_s": 0.1 * i, "speed_rad_s": 5.0 + i, "segment": i // 20, **held} for i in range(40)]
+    told = [{"sample": sample, "estimate": {"time_s": 0.0, "speed_rad_s": -1.0}} for sample in samples]
+    path.write_text("".join(json.dumps({"timestamp": 1.8e9, within: one} if within else one) + "\n" for one in told))
+    log = rw_ekf.read(path)
+    assert log.speed_rad_s.tolist() == [sample["speed_rad_s"] for sample in samples]
+    assert log.command_delay_s.tolist() == [0.012] * 40
+    assert len(set(log.segment.tolist())) == 2
 
 
 def test_nobody_who_listens_is_no_fault(tmp_path: Path) -> None:

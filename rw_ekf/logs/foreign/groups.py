@@ -19,7 +19,7 @@ from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.logs.which_wheel import of_wheel
 
 _SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
-_OWN = {"time_s", "command_delay_s", "segment"}  # what every log of this program has, and nobody else's
+OWN_COLUMNS = {"time_s", "command_delay_s", "segment"}  # what every log of this program has, and nobody else's
 _CLOCKS = ("time_s", "clock_s")  # what a group's time is called: the second where a channel has the first name
 
 
@@ -56,7 +56,7 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
     groups = _distinct([group for group in groups if group.rows and group.channels])
     if columns.wheel is not None and (its := of_wheel((group.name for group in groups), columns.wheel)):
         of_it = [group for group in groups if group.name in its]
-        logs = [group.name for group in of_it if group.channels.keys() >= _OWN]
+        logs = [group.name for group in of_it if group.channels.keys() >= OWN_COLUMNS]
         if len(logs) > 1 and columns.variable is None:
             raise LogError(f"{name}: holds several logs of '{columns.wheel}', {_shown(logs)}: name one by its run")
         table = table_of_groups(of_it, replace(columns, wheel=None), name)
@@ -70,7 +70,7 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
         return _table(name, _alone(chosen[0]), chosen[0])
     if not groups:
         raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
-    own = [group for group in groups if group.channels.keys() >= _OWN]
+    own = [group for group in groups if group.channels.keys() >= OWN_COLUMNS]
     if len(own) == 1 and all(column is None or column in own[0].channels for column in _asked(columns)):
         return _table(name, _of_all_rows(own[0]), own[0])  # its own time is the one that counts, not when it was told
     if len(groups) == 1:

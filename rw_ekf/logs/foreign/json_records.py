@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.groups import Group, table_of_groups
+from rw_ekf.logs.foreign.groups import OWN_COLUMNS, Group, table_of_groups
 from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.interleaved import held
 from rw_ekf.logs.labels import remarks_beside, said_beside, units_beside
@@ -31,7 +32,25 @@ _TRUTH = {"true": 1.0, "false": 0.0}
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
-    """The rows; of objects within objects by path, `motor.rpm`. Raises LogError for what holds no table."""
+    """The rows; of objects within objects by path, `motor.rpm`, but of this program's own samples by their names.
+
+    Raises LogError for what holds no table.
+    """
+    table = _as_it_is(path, name, columns)
+    return table if columns.sources else _own_samples(table)
+
+
+def _own_samples(table: RawTable) -> RawTable:
+    """What PlotJuggler or a broker got of a run, as the log that it was sent beside: its samples alone."""
+    for at in (name.removesuffix("time_s") for name in table.names if name.endswith(".time_s")):
+        if {at + column for column in OWN_COLUMNS} <= set(table.names):
+            held = [i for i, name in enumerate(table.names) if name.startswith(at)]
+            names = tuple(table.names[i].removeprefix(at) for i in held)
+            return replace(table, names=names, columns=[table.columns[i] for i in held])
+    return table
+
+
+def _as_it_is(path: Path, name: str, columns: ColumnMap) -> RawTable:
     text = path.read_text(encoding="utf-8-sig")
     try:
         document = json.loads(text)
