@@ -252,6 +252,23 @@ def test_a_browser_draws_it_without_an_error(served: Served, run: RunOnDisk, tmp
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine draws the page")
+def test_a_compensated_run_shows_what_was_asked_for_and_what_was_added(
+    served: Served, run: RunOnDisk, tmp_path: Path
+) -> None:
+    """What went out is their sum: the last command of 0.1 cos(0.05 199) A, and 0.02 A of it added."""
+    names, *rows = run.estimates.read_text().splitlines()
+    run.estimates.write_text("\n".join([f"{names},compensation_A", *(f"{row},0.02" for row in rows)]) + "\n")
+    command = [
+        str(CHROMIUM), "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+        "--enable-logging=stderr", "--virtual-time-budget=8000", "--dump-dom", served.address,
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert "CONSOLE" not in done.stderr, done.stderr
+    assert 'aria-label="under compensation: what was asked for, and what was added: -0.1065 + 0.02 A"' in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine draws the page")
 def test_the_button_of_a_line_says_whom_it_stops(run: RunOnDisk, tmp_path: Path) -> None:
     """How many wheels, before it is pressed and where it asks; the newest run is shown, without an error."""
     RunOnDisk(run.folder, "2025-11-27T10-20-06Z_other")

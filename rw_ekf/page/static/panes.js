@@ -221,7 +221,10 @@ class Pane {
       return [E("time_s"), read, speed, ...band(speed, rpm(E("std_speed_rad_s")), 2)];
     }, { band: [3, 4], last: 2, legend: (d, i) => `${short(d[2][i] ?? d[1][i])} rpm` });
     time("current, commanded and measured", "A", [line("commanded", true), line2("measured")], () => [L("time_s"), L("current_command_A"), L("current_A")], { legend: (d, i) => `${short(d[1][i])} / ${short(d[2][i])} A` });
-    if ("compensation_A" in this.estimates.columns) time("what the compensation of friction adds to the current", "A", [line("added")], () => [E("time_s"), E("compensation_A")], { level: 0, legend: (d, i) => `${short(d[1][i])} A` });
+    if ("compensation_A" in this.estimates.columns) time("under compensation: what was asked for, and what was added", "A", [line("asked for", true), line2("added")], () => {
+      const added = E("compensation_A"), issued = this.beside(L("time_s"), L("current_command_A"), E("time_s"));
+      return [E("time_s"), issued.map((v, i) => (v == null || added[i] == null ? null : v - added[i])), added]; // what went out is their sum
+    }, { level: 0, legend: (d, i) => `${short(d[1][i])} + ${short(d[2][i])} A` });
     time("innovation, with the band that it should keep to", "rpm", [line("innovation"), ...edges()], () => {
       const std = rpm(E("innovation_std_rad_s"));
       return [E("time_s"), rpm(E("innovation_rad_s")), std.map((v) => (v == null ? null : 2 * v)), std.map((v) => (v == null ? null : -2 * v))];
