@@ -2,7 +2,7 @@
 "use strict";
 
 const chosen = document.getElementById("run"), beside = document.getElementById("beside"), panes = document.getElementById("panes");
-let shown = [], newest = true, all = "The wheel has";
+let shown = [], newest = true, all = "The wheel has", stopped = ""; // what was answered to the button
 
 function show() {
   for (const pane of shown) pane.close();
@@ -48,7 +48,8 @@ document.getElementById("sure-yes").addEventListener("click", async () => {
   answer.textContent = "zero is being written ...";
   try {
     const told = await (await ask("api/stop", { method: "POST" })).json();
-    answer.textContent = told.zero_confirmed ? `${all} confirmed zero current.` : `NOT confirmed: ${told.error && (told.error.messages || [told.error]).join("; ")}`;
+    stopped = told.zero_confirmed ? `${all} confirmed zero current.` : "";
+    answer.textContent = stopped || `NOT confirmed: ${told.error && (told.error.messages || [told.error]).join("; ")}`;
   } catch (error) { answer.textContent = `NOT done: ${error.message}. rw-ekf stop, or cut its power.`; }
 });
 chosen.addEventListener("change", () => { newest = chosen.selectedIndex === 0; show(); });

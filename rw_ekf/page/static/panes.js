@@ -154,7 +154,8 @@ class Pane {
         if (this.closed) return;
       }
       if (this.closed) return;
-      this.say("no answer", "the page's server does not answer; the run itself goes on without it", "warn");
+      if (stopped) this.say("stopped", `${stopped} The page ended with the run.`, "");
+      else this.say("no answer", "the page's server does not answer; the run itself goes on without it", "warn");
       await new Promise((resolve) => setTimeout(resolve, 2000));
     }
   }
