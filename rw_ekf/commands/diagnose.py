@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import os
 import sys
 from dataclasses import replace
@@ -30,8 +29,6 @@ EXAMPLE = """example:
   rw-ekf diagnose runs/2026-11-21.csv --effect-file my-effects.yaml --out diagnosis"""
 
 _STEPS = 12  # that a diagnosis usually announces
-# Objects made between two looks for cycles: the usual 700 cost a twentieth of a diagnosis, which leaves hardly any.
-_COLLECT_AFTER = 100_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +63,6 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 
-    gc.set_threshold(_COLLECT_AFTER, *gc.get_threshold()[1:])
     directory = None if args.out is None else Path(args.out)
     if directory is not None:
         names = ("report.html", "diagnosis.json", DIAGNOSED_MODEL)
