@@ -26,6 +26,7 @@ from rw_ekf.plain_file import json_of
 from rw_ekf.shown import Shown
 
 SCHEMA = "rw_ekf.fleet_diagnoses/1"
+_NAMED = 5  # wheels in a line of text; the document has all
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,8 @@ class Diagnoses(Shown):
     computed: int
     left_out: int  # windows that asked as well, beyond the number that was allowed
     seconds: float
+    without_results: tuple[str, ...] = ()  # wheels that were passed over: no result is of these settings
+    without_model: tuple[str, ...] = ()  # wheels that start from their first log, where others are given a model
 
     @property
     def whole(self) -> bool:
@@ -78,6 +81,8 @@ class Diagnoses(Shown):
             "windows": [window.document() for window in self.windows],
             "computed": self.computed,
             "left_out": self.left_out,
+            "without_results": list(self.without_results),
+            "without_model": list(self.without_model),
             "seconds": self.seconds,
         }
 
@@ -89,7 +94,20 @@ class Diagnoses(Shown):
             lines.append("  no alarm, residual or trend asks for one")
         if self.left_out:
             lines.append(f"  {self.left_out} windows more ask: --most has them done")
+        if self.without_results:
+            lines.append(
+                f"  {_some(self.without_results)} passed over, for no result of theirs is of these settings: `fleet run` "
+                "first, with the same --config, --wheel, --model and --columns"
+            )
+        if self.without_model:
+            lines.append(f"  {_some(self.without_model)} without a model in --model: judged from their first log on")
         return "\n".join(lines)
+
+
+def _some(wheels: Sequence[str]) -> str:
+    """How many wheels, and the first of them by name."""
+    more = "" if len(wheels) <= _NAMED else ", ..."
+    return f"{len(wheels)} wheel{'s' if len(wheels) > 1 else ''} ({printable(', '.join(wheels[:_NAMED]))}{more})"
 
 
 @dataclass(eq=False, frozen=True)
@@ -111,6 +129,19 @@ class Diagnosable:
             if item.path(folder.results).is_file()
         }
         return cls(folder, index, settings, planned)
+
+    @property
+    def without_results(self) -> tuple[str, ...]:
+        """Wheels of which nothing can be diagnosed, because no result is of these settings."""
+        having = {wheel for wheel, _ in self.planned}
+        return tuple(wheel for wheel in self.index.wheels if wheel not in having)
+
+    @property
+    def without_model(self) -> tuple[str, ...]:
+        """Wheels that are given no model where others are."""
+        if not self.settings.models:
+            return ()
+        return tuple(wheel for wheel in self.index.wheels if self.settings.model(wheel) is None)
 
     def result(self, window: Window) -> str:
         """The checksum of the result that asks."""
@@ -172,7 +203,7 @@ def diagnose_windows(
     ]
     found = Diagnoses(
         str(folder.path), tuple(findings), len(missing) - len(waiting), left_out,
-        round(time.perf_counter() - began_s, 3),
+        round(time.perf_counter() - began_s, 3), logs.without_results, logs.without_model,
     )  # fmt: skip
     known = {(window.wheel, window.day, window.log) for window in findings}
     earlier = [window for window in _still_true(folder) if (window.wheel, window.day, window.log) not in known]

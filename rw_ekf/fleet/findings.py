@@ -66,7 +66,20 @@ def sentence_of(wheel: WheelTrend, kind: str, name: str, about: Any) -> str:
             "has reached" if about.years_50 == 0.0 else f"reaches in {about.years_05:.2g} to {about.years_95:.2g} years"
         )
         return f"{name} {until} its limit of {about.limit:.4g} {STATE_UNITS[name]}"
-    return f"{about} of its {len(wheel.days)} logs failed"
+    return f"{about} of its {len(wheel.days)} logs failed{_since(wheel)}"
+
+
+def _since(wheel: WheelTrend) -> str:
+    """From when on nothing is known of a wheel whose newest logs failed; nothing where the newest has a result."""
+    known = np.flatnonzero(wheel.days.ok)
+    if known.size == 0 or known[-1] == len(wheel.days) - 1:
+        return ""
+    return f", the newest among them: what is told of it is of {wheel.days.day[known[-1]]} at the latest"
+
+
+def level_day(wheel: WheelTrend, trend: ParameterTrend) -> str:
+    """The day that a parameter's level is of, and from which its remaining time counts: the last that knows it."""
+    return wheel.days.day[int(trend.course.known.rows[-1])]
 
 
 def rows_about(trend: ParameterTrend, before: int) -> tuple[int, int]:

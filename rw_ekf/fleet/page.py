@@ -11,7 +11,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.report.rendering import rendered
-from rw_ekf.fleet.findings import UNLIKE
+from rw_ekf.fleet.findings import UNLIKE, level_day
 from rw_ekf.fleet.siblings import Siblings
 from rw_ekf.fleet.trend_document import Trends
 from rw_ekf.fleet.wheel_trends import ParameterTrend, WheelTrend
@@ -85,7 +85,7 @@ def _course(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
     return {
         "name": trend.parameter,
         "unit": STATE_UNITS[trend.parameter],
-        "said": f"{plus_minus(fit.level, fit.level_std)} now, {plus_minus(*(100.0 * v for v in trend.relative_rate))} "
+        "said": f"{plus_minus(fit.level, fit.level_std)} on {level_day(wheel, trend)}, {plus_minus(*(100.0 * v for v in trend.relative_rate))} "
         f"% a year{warm}{soon}",
         "bars": [
             (f"{x:.1f}", f"{draw.y(value - size):.1f}", f"{draw.y(value + size):.1f}")
@@ -94,7 +94,7 @@ def _course(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
         "seen": draw.path(seen),
         "line": draw.path(fit.line),
         "first_day": days[int(trend.course.known.rows[0])],
-        "last_day": days[int(trend.course.known.rows[-1])],
+        "last_day": level_day(wheel, trend),
         "low": f"{draw.low:.4g}",
         "high": f"{draw.high:.4g}",
     }

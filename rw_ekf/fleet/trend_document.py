@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.fleet.diagnoses import WindowFinding
-from rw_ekf.fleet.findings import concern_of, days_about, finding_kinds, sentences
+from rw_ekf.fleet.findings import concern_of, days_about, finding_kinds, level_day, sentences
 from rw_ekf.fleet.remaining import Limit
 from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend
 from rw_ekf.model.state import STATE_UNITS
@@ -124,7 +124,7 @@ def _parameter(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
         "unit": STATE_UNITS[trend.parameter],
         "days": int(trend.course.known.rows.size),
         "left_out": [wheel.days.day[row] for row in trend.course.known.far_off],
-        "level": fit.level, "level_std": fit.level_std, "began": fit.began,
+        "level": fit.level, "level_std": fit.level_std, "level_day": level_day(wheel, trend), "began": fit.began,
         "rate_per_year": fit.rate, "rate_std_per_year": fit.rate_std,
         "rate_95": [fit.rate - _BAND * fit.rate_std, fit.rate + _BAND * fit.rate_std],
         "ages": trend.ages,

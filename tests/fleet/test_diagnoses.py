@@ -24,6 +24,7 @@ from rw_ekf.fleet.windows import Window, windows_of
 from rw_ekf.wheel.model_file import read_model
 from tests.contract import check_document
 from tests.fleet.fleets import run_with
+from tests.fleet.test_fleet_run import MODEL
 from tests.fleet.test_trends import wheel_days
 
 pytestmark = pytest.mark.xdist_group("fleet")
@@ -164,6 +165,26 @@ def test_windows_are_the_days_that_ask() -> None:
     few, more = windows_of(wheels, 3)
     assert [window.wheel for window in few] == ["S", "F", "A"]
     assert more == len(found) - 3
+
+
+def test_wheels_that_are_passed_over_are_named(logs: Path, tmp_path: Path) -> None:
+    """One whose results are of no model where it is given one now, and one that has none where the other has."""
+    here = tmp_path / "logs"
+    for wheel in ("drags", "sound"):
+        (here / wheel).mkdir(parents=True)
+        (here / wheel / "2026-03-01.parquet").write_bytes((logs / wheel / "2026-03-01.parquet").read_bytes())
+    assert rw_ekf.fleet.run(here, workers=1).whole
+    told = rw_ekf.fleet.diagnose(here, workers=1)
+    assert (told.without_results, told.without_model) == ((), ())
+    models = tmp_path / "models"
+    models.mkdir()
+    MODEL.save(models / "drags.yaml")
+    told = rw_ekf.fleet.diagnose(here, model=models, workers=1)
+    check_document(told.document())
+    assert (told.document()["without_results"], told.document()["without_model"]) == (["drags"], ["sound"])
+    passed, alone = told.text().splitlines()[-2:]
+    assert passed.startswith("  1 wheel (drags) passed over, for no result of theirs is of these settings: `fleet run`")
+    assert alone == "  1 wheel (sound) without a model in --model: judged from their first log on"
 
 
 def test_wrong_words_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,10 +14,12 @@ from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course, wal
 from rw_ekf.fleet.daily import WheelDays
 from rw_ekf.fleet.findings import finding_kinds
 from rw_ekf.fleet.own_share import own_share
+from rw_ekf.fleet.page import page_of
 from rw_ekf.fleet.points import course_of, far_off
 from rw_ekf.fleet.remaining import Limit, limits_of, remaining
 from rw_ekf.fleet.siblings import siblings_of
 from rw_ekf.fleet.simulation import FleetShape
+from rw_ekf.fleet.trend_document import Trends
 from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.one_thread import one_thread
 from tools.measure.fleet import daily_estimates
@@ -224,6 +226,28 @@ def test_level_rate_and_remaining_time_hold_what_they_say(walk: float) -> None:
         assert abs(np.mean(misses)) < 0.4
     assert early <= 12  # a binomial of .05 is above that once in 500
     assert late <= 12
+
+
+def test_a_level_has_its_day() -> None:
+    """Where the newest logs failed, and where the newest say nothing of one parameter: document, text and page."""
+    rng = np.random.default_rng(13)
+    days = wheel_days(0.6 + 0.001 * rng.standard_normal(20), 0.001)
+    failed = np.arange(20) >= 17
+    status = tuple("failed: torn" if torn else "ok" for torn in failed)
+    stds = {name: np.where(failed, np.nan, std) for name, std in days.stds.items()}
+    stds["static"][10:] = 1.0
+    torn = replace(days, ok=~failed, status=status, stds=stds)
+    told = Trends("fleet", trends_of([replace(days, wheel="A"), replace(torn, wheel="B")], {}), {})
+    by_wheel = {each["wheel"]: each for each in told.document()["wheels"]}
+    assert {each["level_day"] for each in by_wheel["A"]["parameters"].values()} == {by_wheel["A"]["last_day"]}
+    levels = {name: each["level_day"] for name, each in by_wheel["B"]["parameters"].items()}
+    assert levels == {**dict.fromkeys(levels, "2026-01-17"), "static": "2026-01-10"}
+    said = "3 of its 20 logs failed, the newest among them: what is told of it is of 2026-01-17 at the latest"
+    assert f"B: {said}" in told.text()
+    page = page_of(told)
+    assert said in page
+    assert "on 2026-01-17, " in page
+    assert "on 2026-01-10, " in page
 
 
 def test_limits_are_typed_as_values_or_shares() -> None:
