@@ -96,8 +96,8 @@ class Diagnoses(Shown):
             lines.append(f"  {self.left_out} windows more ask: --most has them done")
         if self.without_results:
             lines.append(
-                f"  {_some(self.without_results)} passed over, for no result of theirs is of these settings: `fleet run` "
-                "first, with the same --config, --wheel, --model and --columns"
+                f"  {_some(self.without_results)} passed over, for no result of theirs is of these settings: "
+                "`fleet run` first, with the same --config, --wheel, --model and --columns"
             )
         if self.without_model:
             lines.append(f"  {_some(self.without_model)} without a model in --model: judged from their first log on")

@@ -85,8 +85,8 @@ def _course(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
     return {
         "name": trend.parameter,
         "unit": STATE_UNITS[trend.parameter],
-        "said": f"{plus_minus(fit.level, fit.level_std)} on {level_day(wheel, trend)}, {plus_minus(*(100.0 * v for v in trend.relative_rate))} "
-        f"% a year{warm}{soon}",
+        "said": f"{plus_minus(fit.level, fit.level_std)} on {level_day(wheel, trend)}, "
+        f"{plus_minus(*(100.0 * v for v in trend.relative_rate))} % a year{warm}{soon}",
         "bars": [
             (f"{x:.1f}", f"{draw.y(value - size):.1f}", f"{draw.y(value + size):.1f}")
             for x, value, size in zip(draw.x, seen, error, strict=True)

@@ -14,10 +14,11 @@ from rw_ekf.flight.c_expressions import c_name
 from rw_ekf.flight.c_program import Printed, Program
 from rw_ekf.flight.c_types import ATOM, INT, Array, Scalar, Struct, Value
 from rw_ekf.flight.onboard_compensation import Crossing, crossing_of, current_by_crossing, current_by_dmc
+from rw_ekf.flight.own_formulas import FORMULA_BOUNDS, formulas_instead
 from rw_ekf.wheel.effect_table import EffectTable
 
 _CLOCKS = frozenset({"last_s", "acts_s", "health"})  # single precision would stop these within days
-_BOUNDS = {"stop": onboard.PIECES_MOST, "count": onboard.PIECES_MOST}
+_BOUNDS = {"stop": onboard.PIECES_MOST, "count": onboard.PIECES_MOST, **FORMULA_BOUNDS}
 # One turn a piece; a piece is one step, for no effect that is exported has a lag.
 # Steps that double from 1e-9 rad/s over a slope until 1e3 A are passed, whatever the slope is.
 _WHILES = {"effect_interval": (onboard.PIECES_MOST, onboard.PIECES_MOST, 1), "inverted": (128, 128)}
@@ -50,7 +51,8 @@ def printed(estimator: Estimator, *, single: bool) -> Program:
     if estimator.table is not None and estimator.table.stribeck_at >= 0:
         laws.add(estimator.table.stribeck_law)
     domains = {"law": frozenset(laws)}
-    program = Program(single=single, clocks=_CLOCKS, bounds=_BOUNDS, whiles=_WHILES, domains=domains)
+    instead = formulas_instead(estimator.table)
+    program = Program(single=single, clocks=_CLOCKS, bounds=_BOUNDS, whiles=_WHILES, domains=domains, instead=instead)
     held = Value("held", program.hold(estimator.held), by_address=True)
     constants, table = estimator.constants, estimator.table
     program.name_known(constants, "filter")

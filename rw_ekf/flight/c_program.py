@@ -65,9 +65,11 @@ class Program(Names):
     def __init__(
         self, *, single: bool, clocks: frozenset[str], bounds: Mapping[str, int], whiles: Mapping[str, tuple[int, ...]],
         domains: Mapping[str, frozenset[int]], by_flags: bool = False,
+        instead: Mapping[Callable[..., Any], Callable[..., Any]] | None = None,
     ) -> None:  # fmt: skip
         """bounds: of loops that end at a variable. whiles: turns of each `while` of a function at most, in order.
 
+        instead: what is printed in place of a function.
         by_flags: a function that is called with a flag that is known is printed for that flag alone. The rest as
         `Names` has it.
         """
@@ -75,6 +77,7 @@ class Program(Names):
         self.cost = 0
         self.functions: list[Printed] = []
         self._bounds, self._whiles = bounds, whiles
+        self._instead = {} if instead is None else instead
         self._settled = (None, INT, BOOL) if by_flags else (None, INT)  # types of arguments that need no parameter
         self._made: dict[Any, Printed | None] = {}
         self._calls: list[list[Printed]] = []
@@ -96,7 +99,7 @@ class Program(Names):
 
     def called(self, function: Callable[..., Any], given: list[Value], named: dict[str, Value]) -> Value:
         """A call; the function is printed for these types, and for what is known of its arguments."""
-        found, runtime = self._for_call(function, given, named)
+        found, runtime = self._for_call(self._instead.get(function, function), given, named)
         self.cost += found.cost + 1
         self._calls[-1].append(found)
         codes = [self.convert(value, of).code for value, (_, of) in zip(runtime, found.parameters, strict=True)]

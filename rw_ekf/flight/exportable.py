@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Collection
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.c_files import Estimator
@@ -19,7 +20,9 @@ from rw_ekf.model.effect_kinds import (
 )
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.starting_point import FilterSetup
+from rw_ekf.wheel.effect_table import EffectSet
 
+_TAKEN = frozenset({"states", "h", "other_libm"})  # what follows RW_EKF_ in the printed names
 _HIDDEN = "has a memory of its own, whose equations are stiff"
 _PAST = "looks back at past currents, which the exported memory does not keep"
 _NOT_EXPORTED: dict[type, str] = {
@@ -27,7 +30,6 @@ _NOT_EXPORTED: dict[type, str] = {
     FrictionMemoryEffect: _HIDDEN,
     DelayEffect: _PAST,
     WindowEffect: _PAST,
-    FormulaEffect: "is a formula of your own, which is run and not compiled",
 }
 
 
@@ -43,12 +45,23 @@ def estimator_of(setup: FilterSetup, name: str, *, single: bool) -> Estimator:
                 f"{name}: the effect {term.id} {why}: it cannot be exported as C. Fit the wheel again without it, "
                 "or run the estimator itself"
             )
+    refuse_names(setup.effects, _TAKEN, name)
     table = setup.effects.table(setup.effect_drift)
     known = table if table.size > STATE_SIZE else None
     constants = setup.constants
     constants = constants._replace(speed_variance=constants.speed_variance + setup.effects.reading_variance)
     belief = setup.prior
     return Estimator(onboard_of(belief.mean, belief.covariance, constants, known), constants, known, setup.state_names)
+
+
+def refuse_names(effects: EffectSet, taken: Collection[str], name: str) -> None:
+    """Raises BadInputError for an effect of one's own whose id is something else in what is exported."""
+    for term in effects.state_terms:
+        if issubclass(term.effect, FormulaEffect) and term.id in taken:
+            raise BadInputError(
+                f"{name}: the id of your effect {term.id} is the name of something else in the export: give it another "
+                "in the model (docs/own-effects.md)"
+            )
 
 
 def _refused(term: Term, *, single: bool) -> str | None:
@@ -65,6 +78,8 @@ def reads(term: Term, quantity: str) -> bool:
     """Whether an effect is a function of "time", "temperature" or "angle"."""
     if term.law is not None:
         return term.law.quantity == quantity
+    if issubclass(term.effect, FormulaEffect):
+        return quantity in term.effect.formula.tree.names()
     if not issubclass(term.effect, StaticEffect):
         return False
     tree = source_of(term.effect.contribution).tree

@@ -12,14 +12,16 @@ from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.matlab_functions import SMALL_FUNCTIONS, Functions, number
+from rw_ekf.flight.own_formulas import formulas_instead
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.model import flow, law
+from rw_ekf.model import flow, formula_program, law
 from rw_ekf.model.effect import REFERENCE_DEGC, Term
-from rw_ekf.model.effect_kinds import DelayEffect, StaticEffect, WindowEffect
+from rw_ekf.model.effect_kinds import DelayEffect, FormulaEffect, StaticEffect, WindowEffect
 from rw_ekf.model.friction import friction
 from rw_ekf.model.law import KINDS, MOST_COLUMNS, sums_of
 from rw_ekf.wheel.dispatch import CURRENT_EFFECTS, MEMORY_EFFECTS
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.pieces import _HELD, _LAG_STEPS, _LEAST_SHAPE
 
 MATLAB_SCHEMA = "rw_ekf.export_matlab/1"
@@ -148,7 +150,7 @@ def remarks_of(model: PlantModel) -> list[str]:
 
 def matlab_text(model: PlantModel, name: str) -> str:
     """The file. Raises BadInputError for an effect that has no MATLAB."""
-    functions = Functions()
+    functions = Functions(formulas_instead(model.table))
     try:
         parts = {
             "FLOW": _flow(model, functions),
@@ -207,9 +209,11 @@ def _placed(model: PlantModel) -> list[tuple[Term, int, str]]:
 
 def _terms(model: PlantModel, functions: Functions) -> list[str]:
     """Lines that add the static effects' contributions to a step, then the learned laws', as `wheel.pieces` does."""
-    lines, laws, count = [], [], 0
+    lines, laws, count, places = [], [], 0, iter(_formula_places(model.table))
     for term, i, field in _placed(model):
-        if term.law is not None:
+        if issubclass(term.effect, FormulaEffect):
+            laws += _formula_term(term.effect, field, next(places), functions)
+        elif term.law is not None:
             count += 1
             of, size, kind = f"p.law_{count}", len(term.law.functions[i]), KINDS.index(term.law.acts_as)
             place, value, contribution, motion = (
@@ -226,6 +230,24 @@ def _terms(model: PlantModel, functions: Functions) -> list[str]:
             called = functions.name_of(term.effect.contribution)
             lines.append(f"    terms = terms + {called}(p.{field}, [{_shape(term, i)}], ...\n        {_AT});\n")
     return lines + laws
+
+
+def _formula_places(table: EffectTable) -> list[int]:
+    """Where the program of each formula begins, by which `own_formulas` tells them apart."""
+    return [int(start) for start, over in zip(table.law_start, table.law_over, strict=True) if over == law.FORMULA]
+
+
+def _formula_term(effect: type[FormulaEffect], field: str, start: int, functions: Functions) -> list[str]:
+    """Lines that add a formula of one's own, as `wheel.pieces` does."""
+    kind = KINDS.index(effect.acts_by)
+    size_of, contribution, motion = (
+        functions.name_of(one) for one in (formula_program.formula_size, law.law_contribution, law.motion)
+    )
+    return [
+        f"    along = {motion}(omega, amperes);\n",
+        f"    value = p.{field} * {size_of}([], {start}, 0, along, {number(kind == law.DRAG)}, ...\n        {_AT});\n",
+        f"    terms = terms + {contribution}({kind}, value(1), value(2), along, omega, amperes);\n",
+    ]
 
 
 def _laws(model: PlantModel) -> list[str]:

@@ -11,7 +11,7 @@ import builtins
 import inspect
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rw_ekf.flight.c_types import NotPrintableError
@@ -59,11 +59,14 @@ _INDENT = "    "
 class Functions:
     """The functions that are printed so far, by their names."""
 
-    def __init__(self) -> None:
+    def __init__(self, instead: Mapping[Callable[..., Any], Callable[..., Any]] | None = None) -> None:
+        """instead: what is printed in place of a function."""
         self.texts: dict[str, str] = {}
+        self._instead = {} if instead is None else instead
 
     def name_of(self, function: Callable[..., Any]) -> str:
         """Its name in MATLAB; it is printed, with those that it calls, where it is not yet."""
+        function = self._instead.get(function, function)
         module = function.__module__.rpartition(".")[2]
         name = f"{module}_{function.__name__.lstrip('_')}"
         if name not in self.texts:
@@ -204,6 +207,8 @@ class _Printer:
         return f"({sign}{self.value(node.operand)})"
 
     def _compare(self, node: ast.Compare) -> str:
+        if isinstance(node.ops[0], ast.In) and isinstance(node.comparators[0], ast.Tuple):
+            return f"any({self.value(node.left)} == {self.value(node.comparators[0])})"
         sides = [self.value(side) for side in (node.left, *node.comparators)]
         if any(type(op) not in _COMPARED for op in node.ops):
             raise self._fail(node)

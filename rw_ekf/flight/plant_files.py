@@ -8,6 +8,7 @@ from rw_ekf.flight import plant
 from rw_ekf.flight.c_files import definitions, prototypes, public_structures, start_of
 from rw_ekf.flight.c_program import Program
 from rw_ekf.flight.c_types import ATOM, Scalar, Value
+from rw_ekf.flight.own_formulas import FORMULA_BOUNDS, formulas_instead
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.wheel.effect_table import EffectTable
 
@@ -37,7 +38,10 @@ def printed_plant(of: PrintedPlant) -> Program:
         laws.add(of.table.stribeck_law)
     whiles = {"effect_interval": (of.room, of.room + 1, _LAG_TURNS), "rounding": (of.room,)}
     domains = {"law": frozenset(laws)}
-    program = Program(single=False, clocks=frozenset(), bounds={}, whiles=whiles, domains=domains, by_flags=True)
+    program = Program(
+        single=False, clocks=frozenset(), bounds=FORMULA_BOUNDS, whiles=whiles, domains=domains, by_flags=True,
+        instead=formulas_instead(of.table),
+    )  # fmt: skip
     held = Value("held", program.hold(of.held), by_address=True)
     program.name_known(of.stribeck, "stribeck")
     program.name_known(of.table, "effects")

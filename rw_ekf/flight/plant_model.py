@@ -7,14 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.errors import BadInputError
-from rw_ekf.flight.exportable import reads
-from rw_ekf.model.effect_kinds import FormulaEffect, ReadingEffect, WindowEffect
+from rw_ekf.flight.exportable import reads, refuse_names
+from rw_ekf.model.effect_kinds import ReadingEffect, WindowEffect
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.effect_table import EffectSet, EffectTable
 from rw_ekf.wheel.model_file import ASSUMED
+
+# Variables of the FMU, fields of the parameters in MATLAB, and words that are no field there.
+_TAKEN = frozenset({
+    "time", "angle_rad", "friction_rad_s2", "inertia_kg_m2", "state", "friction", "longest_step_s",
+    "stribeck_speed_rad_s", "end", "for", "while", "if", "else", "elseif", "function", "return", "break", "continue",
+    "global", "persistent", "switch", "case", "otherwise", "try", "catch", "parfor", "spmd", "classdef", "do", "until",
+    *(f"law_{number}" for number in range(1, 100)),
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -73,16 +80,11 @@ class PlantModel:
 
 
 def plant_model(setup: FilterSetup, name: str, period_s: float, inertia_kg_m2: float | None = None) -> PlantModel:
-    """The wheel of a filter's start. Raises BadInputError, naming the effect, for a formula of one's own.
+    """The wheel of a filter's start. Raises BadInputError for an effect of one's own whose id the exports take.
 
     name: of the model, for messages. inertia_kg_m2: where it is given beside the model.
     """
-    for term in setup.effects.state_terms:
-        if issubclass(term.effect, FormulaEffect):
-            raise BadInputError(
-                f"{name}: the effect {term.id} is a formula of your own, which is run and not compiled: it cannot be "
-                "exported. Fit the wheel again without it, or learn it as a law (docs/effects.md)"
-            )
+    refuse_names(setup.effects, _TAKEN, name)
     size = setup.effects.table().size
     x = np.zeros(size)
     known = STATE_SIZE + setup.effects.size

@@ -16,6 +16,7 @@ from rw_ekf.wheel.effect_table import EffectSet
 from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES
 from tests.flight.c_library import compiled, in_c, needs_gcc, same_bits, setup_for
+from tests.flight.own_formulas import OWN, own_effects
 from tools.measure.runs import constants_for
 
 _REFUSED = (CurrentEffect, FrictionMemoryEffect, DelayEffect, WindowEffect)
@@ -66,6 +67,24 @@ def test_several_effects_at_once(tmp_path: Path) -> None:
     text = (tmp_path / "rw_ekf.c").read_text()
     assert "quadratic_drag_contribution" in text
     assert "drag_spike" not in text
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", OWN)
+def test_formulas_of_ones_own_have_the_bits_of_the_estimator(name: str, tmp_path: Path) -> None:
+    """Written out step by step, they are what the filter runs as a program; nothing of a program is in the C."""
+    _assert_same_bits(own_effects(tmp_path, name), tmp_path)
+    text = (tmp_path / "rw_ekf.c").read_text()
+    assert "own_formula_1" in text
+    assert "law_values" not in text
+
+
+@needs_gcc
+def test_formulas_beside_a_law_and_an_effect(tmp_path: Path) -> None:
+    """Each is told from the other and from a learned law by its place in the table."""
+    effects = EffectSet((*in_use("quadratic_drag").terms, *own_effects(tmp_path, "ripple").terms,
+                         *_law("speed", "drag", -60.0, 60.0).terms, *own_effects(tmp_path, "eddy").terms))  # fmt: skip
+    _assert_same_bits(effects, tmp_path)
 
 
 def test_what_cannot_be_printed_is_refused_by_name() -> None:

@@ -10,18 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.checking.effect_file import read_effect_file
 from rw_ekf.cli import main
-from rw_ekf.effects.catalogue import CATALOGUE_IDS
-from rw_ekf.effects.own_effect import effect_of
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 from tests.contract import check_document
 from tests.filter.effect_replay import in_use
 from tests.flight.c_library import EXACT, LIBM, STRICT, WILD, gcc, needs_gcc
+from tests.flight.own_formulas import OWN, own_effects
 from tools.measure.flight_on_m4 import missing, run_on_m4
 
 _FILES = ["Makefile", "README.md", "rw_ekf.c", "rw_ekf.h", "test_rw_ekf.c"]
@@ -158,14 +155,35 @@ def test_what_cannot_be_exported_is_refused_by_name(
     assert not folder.exists()
 
 
-def test_a_formula_of_ones_own_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its name is told."""
-    file = tmp_path / "effects.yaml"
-    file.write_text('eddy: {drag: "a * omega / (1 + omega)", a: {unit: 1/s}}\n')
-    (formula,) = read_effect_file(file, CATALOGUE_IDS)
-    effects = EffectSet((Term.of(effect_of(formula), value=0.01, std=0.01),))
-    assert main(["export-model", "--c", str(tmp_path / "c"), str(model_file(tmp_path, effects))]) == 2
-    assert "is a formula of your own" in capsys.readouterr().err
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+def test_formulas_of_ones_own_pass_the_self_test(single: bool, tmp_path: Path) -> None:
+    """From the model file to the compiled export's own test; nothing from outside but libm."""
+    effects = own_effects(tmp_path, "eddy", "warm")
+    folder = tmp_path / "c"
+    assert main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *["--float"] * single]) == 0
+    gcc(folder, *STRICT, *EXACT, "rw_ekf.c", "test_rw_ekf.c", "-lm", "-o", "test_rw_ekf")
+    done = subprocess.run(["./test_rw_ekf"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.startswith("3000 of 3000 samples")
+    assert "RW_EKF_EDDY" in (folder / "rw_ekf.h").read_text()
+
+
+def test_a_formula_of_ones_own_that_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One of the time in single precision, as the catalogue's; one with the name of something else in the C."""
+    monkeypatch.setitem(OWN, "states", OWN["eddy"])
+    for name, options, said in (
+        ("weak", ["--float"], "weak is a function of the time"),
+        ("states", [], "your effect states is the name of something else"),
+    ):
+        model = str(model_file(tmp_path, own_effects(tmp_path, name)))
+        assert main(["export-model", "--c", str(tmp_path / "c"), model, *options]) == 2
+        told = capsys.readouterr().err
+        assert said in told
+        assert len(told.splitlines()) == 1
+        assert not (tmp_path / "c").exists()
 
 
 _FUZZ = (

@@ -11,16 +11,13 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rw_ekf.checking.effect_file import read_effect_file
 from rw_ekf.cli import main
-from rw_ekf.effects.catalogue import CATALOGUE_IDS
-from rw_ekf.effects.own_effect import effect_of
 from rw_ekf.flight.fmu_export import compiler_of_system, sources_of
-from rw_ekf.model.effect import Term
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from tests.contract import check_document
 from tests.filter.effect_replay import in_use
 from tests.flight.c_library import WILD, gcc, needs_gcc
+from tests.flight.own_formulas import OWN, own_effects
 from tests.flight.test_export_model import model_file
 from tests.flight.wheel_runs import wheel_model
 
@@ -52,19 +49,28 @@ def test_what_is_written_is_told(option: str, name: str, tmp_path: Path, capsys:
 
 
 @pytest.mark.parametrize(("option", "name"), _FORMS)
-def test_a_formula_of_ones_own_is_refused(
-    option: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_formula_of_ones_own(
+    option: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its name is told, in one sentence; nothing is written."""
-    file = tmp_path / "effects.yaml"
-    file.write_text('eddy: {drag: "a * omega / (1 + omega)", a: {unit: 1/s}}\n')
-    (formula,) = read_effect_file(file, CATALOGUE_IDS)
-    effects = EffectSet((Term.of(effect_of(formula), value=0.01, std=0.01),))
-    assert _run(tmp_path, option, str(tmp_path / name), effects=effects) == 2
+    """It is in the FMU and the function, and Basilisk's wheel has no place for it, which is said by its name.
+
+    One whose id is a name of the export is refused, and nothing is written.
+    """
+    more = [] if option == "--matlab" else ["--inertia-kg-m2", "1.5e-3"]
+    out = tmp_path / name
+    assert _run(tmp_path, option, str(out), *more, "--json", effects=own_effects(tmp_path, "eddy")) == 0
+    document = json.loads(capsys.readouterr().out)
+    if option == "--basilisk":
+        assert "effects: eddy: Basilisk's friction has no place for any" in document["not_carried"]
+    else:
+        assert "eddy" in document["parameters"]
+    out.unlink()
+    monkeypatch.setitem(OWN, "friction", OWN["eddy"])
+    assert _run(tmp_path, option, str(out), *more, effects=own_effects(tmp_path, "friction")) == 2
     told = capsys.readouterr().err
-    assert "eddy is a formula of your own" in told
+    assert "your effect friction is the name of something else" in told
     assert len(told.splitlines()) == 1
-    assert not (tmp_path / name).exists()
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(("option", "name"), _FORMS)

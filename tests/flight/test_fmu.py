@@ -27,6 +27,7 @@ from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from tests.filter.effect_replay import in_use
 from tests.flight.c_library import STRICT, same_bits
+from tests.flight.own_formulas import own_effects
 from tests.flight.wheel_runs import COLUMN, STEP_S, Drive, Motion, column_law, followed, rough_drive, wheel_model
 
 fmpy = pytest.importorskip("fmpy")
@@ -126,6 +127,17 @@ def test_each_effect_moves_the_wheel_as_the_propagation_does(name: str, version:
     assert np.max(np.abs(speed)) > 5.0
     assert same_bits(found.speed_rad_s, speed)
     assert same_bits(found.angle_rad, expected.angle_rad)
+    assert same_bits(found.friction_rad_s2, expected.friction_rad_s2)
+
+
+@pytest.mark.parametrize("names", [("eddy", "ripple", "warm"), ("weak", "powers")])
+def test_formulas_of_ones_own(names: tuple[str, ...], tmp_path: Path) -> None:
+    """Of speed, current, temperature, angle and time, beside each other: the same bits."""
+    model, drive = wheel_model(own_effects(tmp_path, *names)), rough_drive()
+    wheel = Simulated(_exported(tmp_path, model))
+    found, expected = wheel.run(drive), followed(model, drive)
+    wheel.close()
+    assert same_bits(found.speed_rad_s, expected.speed_rad_s)
     assert same_bits(found.friction_rad_s2, expected.friction_rad_s2)
 
 

@@ -21,6 +21,7 @@ from rw_ekf.model.friction import friction
 from rw_ekf.model.law import Law
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from tests.filter.effect_replay import in_use
+from tests.flight.own_formulas import OWN, own_effects
 from tests.flight.wheel_runs import COLUMN, STEP_S, Drive, column_law, followed, rough_drive, wheel_model
 
 needs_octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="no GNU Octave on this machine")
@@ -84,6 +85,17 @@ def test_each_effect_moves_the_wheel_as_the_propagation_does(name: str, tmp_path
     """Speed and angle over 250 steps with reversals, rests and break-aways: within a billionth."""
     effects = {"": NO_EFFECTS, "laws": _laws(), "column": column_law()}.get(name) if name not in _CARRIED else None
     model, drive = wheel_model(in_use(name) if effects is None else effects), rough_drive(250)
+    found, expected = _in_octave(tmp_path, model, drive), followed(model, drive)
+    assert np.max(np.abs(expected.speed_rad_s)) > 1.0
+    for one, other in zip(found.T, (expected.speed_rad_s, expected.angle_rad), strict=True):
+        assert np.max(np.abs(one - other) / np.maximum(np.abs(other), 1.0)) < 1.0e-9
+
+
+@needs_octave
+def test_formulas_of_ones_own(tmp_path: Path) -> None:
+    """All of them at once, also where they have no value, beside a learned law: within a billionth."""
+    effects = EffectSet((*own_effects(tmp_path, *OWN).terms, *_laws().terms))
+    model, drive = wheel_model(effects), rough_drive(250)
     found, expected = _in_octave(tmp_path, model, drive), followed(model, drive)
     assert np.max(np.abs(expected.speed_rad_s)) > 1.0
     for one, other in zip(found.T, (expected.speed_rad_s, expected.angle_rad), strict=True):
