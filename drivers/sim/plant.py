@@ -123,6 +123,26 @@ def step_slip(
     )  # fmt: skip
 
 
+def driven(
+    p: PlantParameters, state: PlantState, current_A: float, shift: float, step_s: float
+) -> tuple[float, float, float]:
+    """(drive, level of dry friction, winding current at the end) of a step under a commanded current [A]."""
+    winding, mean_current = current_A, current_A
+    if p.actuator_lag_s > 0.0:
+        ratio = step_s / p.actuator_lag_s
+        mean_current = lag_mean(state.winding_current_A, current_A, ratio)
+        winding = current_A + (state.winding_current_A - current_A) * math.exp(-ratio)
+    middle_s = state.time_s + 0.5 * step_s
+    motor = motor_acceleration(p, mean_current, state.temperature_degC, state.speed_rad_s)
+    drive = (
+        motor
+        - p.offset_rad_s2
+        - ripple_acceleration(p, state.angle_rad, state.speed_rad_s * step_s)
+        - external_acceleration(p, middle_s)
+    )
+    return drive, shift + spike_acceleration(p, middle_s) + p.load_friction * abs(motor), winding
+
+
 def step_fast(
     p: PlantParameters, state: PlantState, current_A: float, shift: float, fine_step_s: float, left_s: float
 ) -> PlantState:
@@ -138,20 +158,10 @@ def step_fast(
     if p.spike_rad_s2 != 0.0 and state.time_s < p.spike_onset_s:
         step_s = min(step_s, p.spike_onset_s - state.time_s + 1.0e-9)  # the onset is a jump: step up to it, not across
     step_s = min(step_s, left_s)
-    winding, mean_current = current_A, current_A
-    if p.actuator_lag_s > 0.0:
-        ratio = step_s / p.actuator_lag_s
-        mean_current = lag_mean(state.winding_current_A, current_A, ratio)
-        winding = current_A + (state.winding_current_A - current_A) * math.exp(-ratio)
-    middle_s = state.time_s + 0.5 * step_s
-    motor = motor_acceleration(p, mean_current, state.temperature_degC, state.speed_rad_s)
-    drive = (
-        motor
-        - p.offset_rad_s2
-        - ripple_acceleration(p, state.angle_rad, state.speed_rad_s * step_s)
-        - external_acceleration(p, middle_s)
-    )
-    level = shift + spike_acceleration(p, middle_s) + p.load_friction * abs(motor)
+    drive, level, winding = driven(p, state, current_A, shift, step_s)
+    if at_rest and step_s > fine_step_s and abs(drive) > dry_friction(p, 0.0, level):
+        step_s = fine_step_s  # it breaks away within: no more is gone over at once, of the current's lag neither
+        drive, level, winding = driven(p, state, current_A, shift, step_s)
     if p.presliding_rad > 0.0:
         return step_bristle(p, state, drive, winding, level, step_s)
     if state.speed_rad_s != 0.0:
@@ -161,7 +171,7 @@ def step_fast(
             state.time_s + step_s, 0.0, state.angle_rad, state.temperature_degC, winding,
             drive, 0.0, state.coulomb_wander_rad_s2,
         )  # fmt: skip
-    return step_slip(p, state, drive, winding, level, math.copysign(1.0, drive), min(step_s, fine_step_s))
+    return step_slip(p, state, drive, winding, level, math.copysign(1.0, drive), step_s)
 
 
 def varies_at_rest(p: PlantParameters, state: PlantState, current_A: float) -> bool:

@@ -39,6 +39,7 @@ for _function in (
     plant.step_bristle,
     plant.step_slip,
     plant.varies_at_rest,
+    plant.driven,
     plant.step_fast,
     plant.step_thermal,
     plant.advance,

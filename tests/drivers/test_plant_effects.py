@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from rw_ekf.drivers.sim.plant import advance
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
@@ -106,6 +107,28 @@ def test_actuator_lag_and_transport_delay_shift_a_ramp_alike() -> None:
         assert base.speed_rad_s[-1] - later.speed_rad_s[-1] == pytest.approx(lost, rel=0.06)
     assert lagged.current_A[1] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < lagged.current_A[-1] < current[-2]
+
+
+@pytest.mark.parametrize("time_constant_s", [0.005, 0.02, 0.1])
+def test_a_wheel_breaks_away_when_the_lagging_current_is_there(time_constant_s: float) -> None:
+    """From rest: the winding's current is its exponential to the last digits, whatever the wheel does meanwhile, and
+    the speed that of an adaptive integrator from the instant at which the drive exceeds the static friction.
+
+    Measured: within 4e-8 rad/s; 1.0e-3 where a step that looks at a wheel at rest had moved the current on as well.
+    """
+    p = BASE._replace(actuator_lag_s=time_constant_s)
+    command_A, end_s = 0.12, 0.5
+    state = advance(p, PlantState(), command_A, end_s, FINE_STEP_S)
+    assert state.winding_current_A == pytest.approx(command_A * -math.expm1(-end_s / time_constant_s), rel=1e-9)
+    begin_s = -time_constant_s * math.log1p(-p.static / (p.motor_gain * command_A))
+
+    def slope(t: float, y: list[float]) -> list[float]:
+        bump = (p.static - p.coulomb) * math.exp(-((y[0] / p.stribeck_speed_rad_s) ** 2))
+        drive = p.motor_gain * command_A * -math.expm1(-t / time_constant_s)
+        return [drive - p.viscous * y[0] - p.coulomb - bump]
+
+    exact = solve_ivp(slope, (begin_s, end_s), [0.0], "DOP853", rtol=1e-12, atol=1e-12, max_step=0.01).y[0, -1]
+    assert state.speed_rad_s == pytest.approx(exact, abs=1e-6)
 
 
 def test_presliding_springs_back_below_break_away_and_leaves_above() -> None:
