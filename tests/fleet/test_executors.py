@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import Executor, ProcessExecutor, WorkerLostError, executor_of
@@ -117,3 +119,22 @@ def test_no_scheduler_is_bad_input() -> None:
         executor_of(2, "tcp://127.0.0.1:1")
     with pytest.raises(BadInputError, match="no Dask scheduler answers"):
         executor_of(None, "nonsense://x")
+
+
+def test_the_settings_that_are_advised_are_dask_s() -> None:
+    """The page says what is measured with, and Dask knows every one of the keys."""
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    from rw_ekf.fleet.dask_executor import DASK_SETTINGS
+
+    page = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```yaml\n(distributed:.*?)```", page, re.DOTALL)
+    advised = yaml.safe_load(block)
+    for key, value in DASK_SETTINGS.items():
+        dask.config.get(key)  # raises KeyError for one that it does not have
+        assert dask.config.get(key, config=advised) == value
+
+    def leaves(node: object) -> int:
+        return sum(map(leaves, node.values())) if isinstance(node, dict) else 1
+
+    assert leaves(advised) == len(DASK_SETTINGS)

@@ -1,6 +1,6 @@
 """What a fleet costs and what it finds, as ratios from one run.
 
-    python -m tools.measure.fleet [--what overhead dask many memory trends remaining rate]
+    python -m tools.measure.fleet [--what overhead dask many memory trends remaining rate year]
 
 overhead: wall time of `run_fleet` with two worker processes over that of a plain loop of the same replays, halved.
 dask: processor time of a Dask cluster of two workers, client and scheduler included, over that of the plain loop.
@@ -10,6 +10,8 @@ trends: ageing wheels (Coulomb friction +0.5 % a month over a year) among 200 th
 accused, at the level of daily estimates; and how wide the bands of the rates are against what they miss by.
 remaining: how often a limit is reached before and after the band of nine in ten, where wheels wear and wander.
 rate: samples a second from Parquet, 2 workers, logs of a day at 10 Hz.
+year: ten wheels over a year, a log of ten minutes a day, one ageing by 0.5 % of Coulomb friction a month, through the
+whole chain by its commands: what is found of each, and the workers' memory as it goes.
 """
 
 from __future__ import annotations
@@ -28,12 +30,13 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import dask
 import distributed
 import numpy as np
 
 from rw_ekf.fleet.carry import Carry, first_start, next_start
 from rw_ekf.fleet.daily import WheelDays
-from rw_ekf.fleet.dask_executor import DaskExecutor
+from rw_ekf.fleet.dask_executor import DASK_SETTINGS, DaskExecutor
 from rw_ekf.fleet.executors import ProcessExecutor
 from rw_ekf.fleet.findings import finding_kinds
 from rw_ekf.fleet.fleet_run import run_fleet
@@ -53,6 +56,8 @@ from rw_ekf.one_thread import ask_for_one_thread, one_thread
 _WHEELS, _DAYS = 10, 10  # of the runs that are timed: the plain loop takes some 15 s
 _FLEETS, _AGEING = 4, 10  # of 200 wheels, and how many of them age
 _MANY = 10_000  # wheels
+_YEAR_SEED = 0  # of which one wheel in ten ages and none fails
+_TURNS = 3  # of the plain loop and the clusters
 _STDS = {"motor_gain": 0.004, "viscous": 1.2e-5, "coulomb": 0.0013, "static": 0.0036}  # of a day: results of `run`
 
 
@@ -68,6 +73,7 @@ def main() -> None:
         "trends": _trends,
         "remaining": _remaining,
         "rate": _rate,
+        "year": _year,
     }
     parser.add_argument("--what", nargs="+", choices=list(what), default=list(what))
     for name in parser.parse_args().what:
@@ -92,22 +98,33 @@ def _overhead(place: Path) -> None:
 
 
 def _dask(place: Path) -> None:
+    """By turns, for processor time grows with what else the machine does: as Dask comes, and as docs/fleet.md says."""
     index = _index(_logs(place, FleetShape(_WHEELS, _DAYS, seed=2)))
     _plain(index)
-    _, plain_s = _timed(lambda: _plain(index))
-    cluster: Any = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    )
-    try:
-        with DaskExecutor(cluster.scheduler_address) as executor:
-            _done(index, place / "warm", executor)
-            workers = _descendants(os.getpid())
-            before = time.process_time() + sum(map(_cpu_s, workers))
-            _done(index, place / "dask", executor)
-            spent_s = time.process_time() + sum(map(_cpu_s, workers)) - before
-    finally:
-        cluster.close()
-    print(f"dask: {spent_s:.1f} s of processor for {plain_s:.1f} s of the plain loop: {spent_s / plain_s:.2f}")
+    for turn in range(_TURNS):
+        _, plain_s = _timed(lambda: _plain(index))
+        told = []
+        for name, settings in (("as it comes", {}), ("with our settings", DASK_SETTINGS)):
+            spent_s, wall_s = _spent_by_dask(index, place / f"{name} {turn}", settings)
+            told.append(f"{name} {spent_s / plain_s:.2f} ({spent_s:.1f} s in {wall_s:.1f} s)")
+        print(f"dask: of {plain_s:.1f} s of the plain loop {', '.join(told)}; load {os.getloadavg()[0]:.1f}")
+
+
+def _spent_by_dask(index: FleetIndex, place: Path, settings: dict[str, Any]) -> tuple[float, float]:
+    """Processor time of two workers, scheduler and client, and wall time, of a run after a first one [s]."""
+    with dask.config.set(settings):
+        cluster: Any = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        )
+        try:
+            with DaskExecutor(cluster.scheduler_address) as executor:
+                _done(index, place / "warm", executor)
+                workers = _descendants(os.getpid())
+                before = time.process_time() + sum(map(_cpu_s, workers))
+                wall_s, _ = _timed(lambda: _done(index, place / "dask", executor))
+                return time.process_time() + sum(map(_cpu_s, workers)) - before, wall_s
+        finally:
+            cluster.close()
 
 
 def _many(place: Path) -> None:
@@ -296,6 +313,49 @@ def _rate(place: Path) -> None:
     )
 
 
+def _year(place: Path) -> None:
+    """By its commands, as a user has it."""
+    logs = str(place / "logs")
+    drawn = ("--wheels", "10", "--days", "365", "--seed", str(_YEAR_SEED), "--workers", "1")
+    simulated_s, _ = _timed(lambda: _said("simulate", "fleet", "--out", logs, *drawn))
+    began_s = time.perf_counter()
+    memory = _watched_run(logs)
+    ran_s = time.perf_counter() - began_s
+    print(_said("fleet", "trends", logs), _said("fleet", "view", logs), sep="\n")
+    truth = json.loads(Path(logs, "truth.json").read_text())["truth"]
+    told = json.loads(Path(logs, "fleet", "trends.json").read_text())["wheels"]
+    ages = sorted(wheel["wheel"] for wheel in truth if wheel["ageing_percent_per_month"] > 0.0)
+    fails = sorted(wheel["wheel"] for wheel in truth if wheel["fails_on"])
+    accused = sorted(wheel["wheel"] for wheel in told if wheel["findings"])
+    print(
+        f"year: simulated in {simulated_s:.0f} s, filtered in {ran_s:.0f} s; ages {ages}, fails {fails}, findings of "
+        f"{accused}; largest worker {', '.join(f'{mb:.0f}' for mb in memory)} MB in the fifths of the run; page "
+        f"{Path(logs, 'fleet', 'fleet.html').stat().st_size / 1e3:.0f} kB"
+    )
+
+
+def _watched_run(logs: str) -> list[float]:
+    """Filter a fleet by two workers; the most memory of the larger one [MB] in each fifth of its results."""
+    seen: list[tuple[int, float]] = []
+    with subprocess.Popen(_command("fleet", "run", logs, "--workers", "2"), stdout=subprocess.PIPE, text=True) as run:
+        while run.poll() is None:
+            largest = max(map(_resident_mb, _descendants(run.pid)), default=0.0)
+            seen.append((sum(1 for _ in Path(logs, "fleet", "results").rglob("part-*")), largest))
+            time.sleep(2.0)
+        assert run.stdout is not None
+        print(run.stdout.read().splitlines()[0])
+    total = seen[-1][0]
+    return [max(mb for count, mb in seen if part <= 5 * count / total <= part + 1) for part in range(5)]
+
+
+def _said(*arguments: str) -> str:
+    return subprocess.run(_command(*arguments), check=True, stdout=subprocess.PIPE, text=True).stdout.rstrip()
+
+
+def _command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "rw_ekf", *arguments]
+
+
 def _logs(place: Path, shape: FleetShape) -> Path:
     logs = place / "logs"
     logs.mkdir()
@@ -327,7 +387,7 @@ def _done(index: FleetIndex, place: Path, executor: Any) -> None:
     assert done.whole, done.text()
 
 
-def _timed(what: Callable[[], None]) -> tuple[float, float]:
+def _timed(what: Callable[[], object]) -> tuple[float, float]:
     """Wall and processor time of this process [s]."""
     began, cpu = time.perf_counter(), time.process_time()
     what()
@@ -348,8 +408,12 @@ def _cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _resident_mb() -> float:
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+def _resident_mb(pid: int | str = "self") -> float:
+    """Memory of a process; 0 where it has gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    except OSError:
+        return 0.0
 
 
 if __name__ == "__main__":
