@@ -68,9 +68,11 @@ def main() -> None:
                 process.wait()
                 _run(logs, more).wait()
             same += sums_of(folder) == reference
-        print(
-            f"killed {killed} of {args.times} ({midway} clients midway): byte-identical {same}, written again {twice}"
-        )
+            print(
+                f"killed {killed} of {number + 1} ({midway} clients midway): byte-identical {same}, written again "
+                f"{twice}",
+                flush=True,
+            )
         if same < args.times:
             raise SystemExit(1)
 
