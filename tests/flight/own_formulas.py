@@ -18,6 +18,7 @@ OWN = {
     "weak": ("motor_gain", "a * tanh(time / 20) * min(cos(angle), abs(current))"),
     "ranges": ("torque", "a * (sqrt(omega) + log(omega - 2) + asin(omega / 9) - acos(current) + log1p(temperature))"),
     "powers": ("drag", "a * (omega**0.5 + omega**-2 + 2**(omega / 5) - sgn(current) * omega**2 / w)"),
+    "dry": ("drag", "a"),
     "others": ("torque", "a * (tan(angle) + atan(omega) + sinh(current) + expm1(omega / 9) - abs(omega) * pi / 10)"),
 }
 _UNITS = {"drag": "rad/s^2", "viscous": "1/s", "torque": "rad/s^2", "motor_gain": "1"}
