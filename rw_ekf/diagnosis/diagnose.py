@@ -11,7 +11,6 @@ from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
-from rw_ekf.diagnosis.investigate.found import model_of_fit
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
@@ -85,7 +84,7 @@ def _diagnosed(
         return told
     from rw_ekf.diagnosis.whole_log import held_against_all  # few logs are so long, and a replay is much to import
 
-    return held_against_all(told, logs[0].whole, model_of_fit(found.selection.base, prepared), advance)
+    return held_against_all(told, found, logs[0].whole, advance)
 
 
 def richer_part(prepared: Prepared) -> Prepared:

@@ -62,6 +62,8 @@ def test_an_effect_is_found_in_stretches(
     assert f"of {columns['time_s'].size} samples " in json.dumps(document)
     whole = document["whole_log"]
     assert whole["samples"] == columns["time_s"].size
+    drag = whole["fit"]["effects"]["quadratic_drag"]["coefficient_1_rad"]
+    assert drag["value"] == pytest.approx(4.0e-6, abs=3.5 * drag["std"])
     assert whole["after"]["rms_rpm"] < 0.99 * whole["before"]["rms_rpm"]  # whose filter learns what it can of a drag
     assert whole["after"]["nis_mean"] == pytest.approx(1.0, abs=0.1)
     assert any(text.startswith("over all ") for text in document["warnings"])

@@ -98,8 +98,8 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     )
 
 
-def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
-    """A fit to the whole record as a file carries it on."""
+def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> WheelModel:
+    """A fit as a file carries it on; of: what it was fitted to."""
     from rw_ekf import __version__
     from rw_ekf.logs.record_print import print_of
     from rw_ekf.model.friction import LAW_NAMES
@@ -129,7 +129,7 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
         inertia_kg_m2=prepared.setup.inertia_kg_m2,
         inertia_is_assumed=prepared.setup.inertia_from == ASSUMED,
         source={
-            "method": "diagnose, fitted to the whole record",
+            "method": f"diagnose, fitted to {of}",
             "log": prepared.source.log.name,
             "record": print_of(prepared.source.log),
             "rw_ekf": __version__,

@@ -50,8 +50,8 @@ def document_of(judged: Judged) -> dict[str, Any]:
         "before": judged.before.figures,
         "after": judged.after.figures if judged.is_better else judged.before.figures,
         "parameters": {
-            "before": _base_parameters(usual),
-            "after": _base_parameters(found.reported) if judged.is_better else None,
+            "before": base_parameters(usual),
+            "after": base_parameters(found.reported) if judged.is_better else None,
         },
         "model": DIAGNOSED_MODEL if judged.model is not None else None,
         **inertia_document(prepared.setup),
@@ -94,8 +94,8 @@ def _warnings(judged: Judged) -> list[str]:
     ]
 
 
-def _base_parameters(fit: Fit) -> dict[str, dict[str, Any]]:
-    """The four friction parameters of a fit, as the candidates' parameters are told."""
+def base_parameters(fit: Fit) -> dict[str, dict[str, Any]]:
+    """The four friction parameters of a fit, as the candidates' parameters are told: name to value, std and unit."""
     return {
         name: {"value": value, "std": float(std), "unit": STATE_UNITS[name]}
         for name, value, std in zip(PARAMETER_NAMES, fit.model.parameters, fit.std[:PARAMETER_COUNT], strict=True)
@@ -115,7 +115,7 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
         }  # fmt: skip
         if name in selection.base.model.effects.ids:
             entry["decision"] = Decision(Reason.GIVEN)
-            entry["parameters"] = _described(found.reported, name)
+            entry["parameters"] = described(found.reported, name)
         elif name == GRID.id:
             entry |= {"decision": Decision(Reason.NO_GRID)} if found.lattice is None else _lattice_entry(found.lattice)
             if name in verdict.effects:
@@ -128,7 +128,7 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
             entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}
             entry["threshold"] = threshold(effect, facts)
             if name in selection.final.model.effects.ids:
-                entry["parameters"] = _described(found.reported, name)
+                entry["parameters"] = described(found.reported, name)
                 if found.orders and effect.angular:
                     odds = {f"{order:g}": probability for order, probability in found.orders.items()}
                     entry["parameters"]["order"]["probability"] = odds
@@ -180,7 +180,7 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     return gain_over(found.prepared, final.without(name), final)
 
 
-def _described(fit: Fit, name: str) -> dict[str, Any]:
+def described(fit: Fit, name: str) -> dict[str, Any]:
     """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
     found: dict[str, Any] = {}
     walk = walk_of(fit) if name == WANDERING.id else None
