@@ -53,7 +53,9 @@ class Profiled:
                 A = np.concatenate((A, linearised.whitened(value, variance, beside)[1]), axis=1)
             Q = basis(A, fit)
             self.restrictions.append(_restriction(A, fit))
-            together = np.asfortranarray(np.column_stack((Q, r - Q @ (Q.T @ r))))
+            del A  # of a long record each of these is a twentieth of all that a diagnosis needs
+            together = np.empty((Q.shape[0], Q.shape[1] + 1), order="F")
+            together[:, :-1], together[:, -1] = Q, r - Q @ (Q.T @ r)
             Q, left = together[:, :-1], together[:, -1]
             self.bases.append(Q)
             self.residuals.append(left)
