@@ -16,6 +16,7 @@ FAMILIES = {
     "registers": "rw_ekf.drivers.line.register_protocol:protocol_of",
     "ascii": "rw_ekf.drivers.line.ascii_protocol:protocol_of",
     "nsp": "rw_ekf.drivers.line.nsp_protocol:protocol_of",
+    "vesc": "rw_ekf.drivers.line.vesc_protocol:protocol_of",
     "can": "rw_ekf.drivers.can.can_protocol:protocol_of",
 }
 USUAL_FAMILY = "registers"

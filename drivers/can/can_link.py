@@ -6,7 +6,6 @@ cycle's. A current that is written is acknowledged when a cycle behind it says t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,9 @@ from rw_ekf.drivers.can.can_cycle import Told
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
 from rw_ekf.drivers.can.can_hearing import Hearing
-from rw_ekf.drivers.can.can_map import NOT_TAKEN, TAKEN_OPPOSITE, CanMap
+from rw_ekf.drivers.can.can_map import CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
+from rw_ekf.drivers.line.bearing_out import Bearing, Standing
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
@@ -30,10 +30,8 @@ if TYPE_CHECKING:
     from rw_ekf.drivers.can.can_map import Layout
 
 _OK = bytes((0,))
-_AGAIN_AFTER, _NOT_TAKEN_AFTER = 2, 4  # cycles that say another current is in force
 _CYCLES_WAITED = 1.5
 _F32_PART = 1.0e-6
-_AGAINST_S = 0.5
 _NO_ROOM_S = 0.5  # a bus that takes no frame for so long is lost: the wheel cannot be stopped over it
 
 
@@ -67,7 +65,7 @@ class CanLink:
         self._sent_A = 0.0  # the last that was commanded
         self._no_room_since_s: float | None = None
         self._wait_s = _CYCLES_WAITED * layout.period_s("cycle")
-        self._against_since_s: float | None = None  # telemetry says another current than the one commanded
+        self._standing = Standing()
         self._opened_s = clock.monotonic()
         port = CanPort.of(settings.port)
         self.bus: CanBus
@@ -215,46 +213,31 @@ class CanLink:
     def _confirmed(self, message: str, numbers: Mapping[str, float], current_A: float, deadline_s: float) -> Exchange:
         """Send; acknowledged where a cycle behind it has this current, refused where several have another."""
         arrived_s = self._send(message, numbers)
-        seen, against, opposite = self._heard.cycle.newest, 0, 0
-        can_tell = self._confirming is not None
+        seen, can_tell = self._heard.cycle.newest, self._confirming is not None
+        bearing = Bearing(current_A, self._sent_A, self._may_A(current_A))
         while arrived_s is not None and can_tell and self._clock.monotonic() < deadline_s:
             self._heard.take(deadline_s - self._clock.monotonic())
             told = self._heard.cycle.newest
             if told is None or told is seen or told.time_s <= arrived_s:
                 continue
             seen = told
-            if self._is_in_force(told, current_A):
+            if bearing.is_borne_out(self._told_A(told)):
                 self.counters.note_reply(1e3 * (told.time_s - arrived_s))
-                self._against_since_s = None
+                self._standing.note_taken()
                 return Exchange(_OK, arrived_s, told.time_s)
-            against += 1
-            opposite += self._is_in_force(told, -current_A) and not self._is_in_force(told, self._sent_A)
-            if against == _AGAIN_AFTER:
+            if bearing.is_due_again:
                 arrived_s = self._send(message, numbers)
-            elif against == _NOT_TAKEN_AFTER:
+            elif bearing.is_refused:
                 break
         now_s = self._clock.monotonic()
-        if against > _AGAIN_AFTER:
-            self._note_against(now_s)
+        if bearing.status is not None:
+            self._heard.news = self._standing.note_against(now_s) or self._heard.news
             self.bus.forget_unsent()
-            status = TAKEN_OPPOSITE if opposite > _AGAIN_AFTER else NOT_TAKEN
-            return Exchange(bytes((status,)), arrived_s or now_s, now_s)
+            return Exchange(bytes((bearing.status,)), arrived_s or now_s, now_s)
         if can_tell or arrived_s is None:
             self.counters.timeouts += 1
             self.bus.forget_unsent()
         return Exchange(None, now_s if arrived_s is None else arrived_s, now_s)
-
-    def _note_against(self, now_s: float) -> None:
-        """Say it once where no command is taken."""
-        if self._against_since_s is None:
-            self._against_since_s = now_s
-        elif now_s - self._against_since_s > _AGAINST_S:
-            self._against_since_s = math.inf
-            self._heard.news = (
-                "commands_not_taken",
-                "telemetry goes on saying that another current is in force than the one commanded: the wheel refuses "
-                "commands or does not hear them, something else commands it, or its telemetry stands still",
-            )
 
     def _send(self, message: str, numbers: Mapping[str, float]) -> float | None:
         """Send a message: when it was at the wheel [s]; None where there was no room for it."""
@@ -283,12 +266,14 @@ class CanLink:
             return file.command.confirmed_by
         return "current_command" if "current_command" in self._layout.sources["cycle"] else None
 
-    def _is_in_force(self, told: Told, current_A: float) -> bool:
+    def _told_A(self, told: Told) -> float:
         register = self._map.speed_register
-        name = self._confirming or ""
-        values = decode_register(register, self._packed(register, told.numbers))
+        return decode_register(register, self._packed(register, told.numbers))[self._confirming or ""]
+
+    def _may_A(self, current_A: float) -> float:
+        """By how much a current in force may be told otherwise."""
         may_A = self._layout.file.command.tolerance
-        for field in (register.field(name), self._map.current_command.fields[0]):
+        for field in (self._map.speed_register.field(self._confirming or ""), self._map.current_command.fields[0]):
             if field is not None:
                 may_A = max(may_A, _F32_PART * abs(current_A) if field.is_float else 0.5 * field.si_per_count)
-        return abs(values[name] - current_A) <= may_A
+        return may_A

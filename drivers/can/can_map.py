@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pydantic import PrivateAttr
 
 from rw_ekf.checking.findings import Where
-from rw_ekf.driver import OPPOSITE
 from rw_ekf.drivers.can.can_check import MapCheck, signal_field, used_messages
 from rw_ekf.drivers.can.can_file import FLAG_BITS, CanFile, FrameCare
 from rw_ekf.drivers.can.can_frames import MessageCodec
+from rw_ekf.drivers.line.bearing_out import STATUSES
 from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import ConfigError
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 RESET_ID, COMMAND_ID, IDLE_ID = 1, 3, 10
 IDENTITY_ID, STATUS_ID, CYCLE_ID, FIRST_OWN_ID = 128, 130, 137, 140
-NOT_TAKEN, TAKEN_OPPOSITE = 1, 2  # statuses of a write that telemetry does not bear out, or with the other sign
-_STATUSES = {0: "ok", NOT_TAKEN: "not_taken", TAKEN_OPPOSITE: OPPOSITE}
 IDENTITY = ("type", "version", "serial_number")
 
 
@@ -108,7 +106,7 @@ def can_map(file: CanFile, database: Any, where: Where) -> CanMap:
     if file.reset is not None:
         fields = [Field(name="key", type="u8", constant=0.0)]
         registers.append(Register(id=RESET_ID, name="reset", access="write", fields=tuple(fields)))
-    made = CanMap(name=file.name, link=file.link, statuses=_STATUSES, registers=tuple(registers))
+    made = CanMap(name=file.name, link=file.link, statuses=STATUSES, registers=tuple(registers))
     made._layout = Layout(file, codecs, sources)
     return made
 

@@ -77,6 +77,10 @@ class AsciiCodec:
         self.refused = None
         return self._line(text, self._line_end)
 
+    def expect_refusal(self) -> None:
+        """A line goes out that nothing answers but a refusal."""
+        self.may_be_refused, self.refused_line = True, None
+
     def replies(self, buffer: bytes) -> Decoded:
         """Frames of what came back; one that answers the last request has its seq and id."""
         return self._decoded(buffer, self._replied)

@@ -229,19 +229,8 @@ class AsciiLink(SerialLink):
 
     def _say(self, line: bytes) -> Exchange:
         """Send a line that nothing answers; its data says whether it was sent."""
-        try:
-            self._drop_unfinished(self._clock.monotonic())
-            self._drain()
-            self.codec.may_be_refused, self.codec.refused_line = True, None
-            self.counters.requests += 1
-            sent_s = self._clock.monotonic()
-            is_sent = self._send(line)
-            if not is_sent and self.settings.is_local:
-                self._serial.reset_output_buffer()
-        except LINE_EXCEPTIONS as error:
-            raise lost_error(self.settings.port, error) from error
-        arrived_s = sent_s + self.transmit_s(len(line))
-        return Exchange(bytes((STATUS_OK,)) if is_sent else None, arrived_s, self._clock.monotonic())
+        exchange = self._tell(line, self.codec.expect_refusal)
+        return exchange if exchange.data is None else exchange._replace(data=bytes((STATUS_OK,)))
 
     def _drop_unfinished(self, now_s: float) -> None:
         """As of a frame; what still comes of the line may look like an answer."""

@@ -5,6 +5,8 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import serial
 
 from rw_ekf.clock import Clock
@@ -90,6 +92,24 @@ class SerialLink:
         took_s = self._came_s - arrived_s - self.transmit_s(self.codec.overhead_bytes + reply_bytes)
         self.counters.note_reply(1e3 * max(took_s, 0.0))
         return Exchange(reply, arrived_s, self._came_s)
+
+    def _tell(self, frame: bytes, meanwhile: Callable[[], object] = lambda: None) -> Exchange:
+        """Send a frame that nothing answers; its data is empty, or None where it could not be sent.
+
+        meanwhile: called when what came before has been taken, and the frame has not gone out.
+        """
+        try:
+            self._drop_unfinished(self._clock.monotonic())
+            self._drain()
+            meanwhile()
+            self.counters.requests += 1
+            sent_s = self._clock.monotonic()
+            is_sent = self._send(frame)
+            if not is_sent and self.settings.is_local:
+                self._serial.reset_output_buffer()
+        except LINE_EXCEPTIONS as error:
+            raise lost_error(self.settings.port, error) from error
+        return Exchange(b"" if is_sent else None, sent_s + self.transmit_s(len(frame)), self._clock.monotonic())
 
     @property
     def in_turns(self) -> bool:

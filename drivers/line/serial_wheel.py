@@ -205,6 +205,9 @@ class SerialWheel:
         host_s = exchange.received_by_wheel_s
         field = self._uptime_field
         if field is None:
+            turned = self._main.field("turned")
+            if turned is not None:
+                self.clock.note_turned(values["turned"], turned.si_span)
             return round(host_s - self._opened_s, _PLACES)
         if "uptime" not in values:  # its register was lost: where the clock would be
             return self.clock.between_s(host_s)

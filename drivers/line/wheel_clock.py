@@ -40,6 +40,7 @@ class WheelClock:
         self._asked_s = self._came_s = 0.0  # of the last reading, by the host
         self._time_s = 0.0
         self._wraps_s = 0.0
+        self._turned: float | None = None  # as it was told last
         self._restart_noted = False
         self._flag_expected = False  # a restart was seen by uptime; the flag that says the same is still to come
         self._began: tuple[float, float, float] | None = None  # the segment's first: its time, asked at, came at
@@ -56,6 +57,15 @@ class WheelClock:
         """
         self._restart_noted = self._uptime_s is not None and not self._flag_expected
         self._flag_expected = False
+
+    def note_turned(self, turned: float, span: float) -> None:
+        """What the wheel has turned since it was powered, either way, which wraps after `span`: a fall is a restart.
+
+        For a wheel that tells no uptime.
+        """
+        if self._turned is not None and 0.0 < self._turned - turned < 0.5 * span:
+            self.begin_segment("wheel_restarted", "the wheel restarted: it has turned less than before")
+        self._turned = turned
 
     def begin_segment(self, event: str, text: str) -> None:
         """Start a new segment for a reason that the uptime does not tell."""

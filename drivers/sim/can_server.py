@@ -13,7 +13,7 @@ from rw_ekf.drivers.can.can_map import CanMap
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.registers import encode_saturated
 from rw_ekf.drivers.line.wire_layout import Register
-from rw_ekf.drivers.sim.register_server import OK, RegisterServer, Reply
+from rw_ekf.drivers.sim.register_server import RegisterServer, Reply
 
 
 class CanServer(RegisterServer):
@@ -27,7 +27,8 @@ class CanServer(RegisterServer):
         self._open = False
         self._enabled = self._layout.file.enable is None
         self._alive = dict.fromkeys(self._layout.codecs, 0)
-        self._commanded_s = self.plant.time_s
+        watchdog_ms = self._layout.file.command.watchdog_ms
+        self.watchdog_s = None if watchdog_ms is None else 1e-3 * watchdog_ms
         cycle = self._layout.file.cycle
         told = dict.fromkeys(m for r in self.wire_map.readable() for m in self._layout.messages_of(r.name))
         groups = [cycle.messages, *((name,) for name in told if name not in cycle.messages)]
@@ -84,16 +85,6 @@ class CanServer(RegisterServer):
         """When that is next."""
         return min(self._due.values(), default=math.inf) if self._open else math.inf
 
-    def advance_to(self, time_s: float) -> None:
-        """Let the wheel run; without a command for the time of its watchdog, without current."""
-        watchdog_ms = self._layout.file.command.watchdog_ms
-        if watchdog_ms is not None and self.command_A != 0.0:
-            ends_s = self._commanded_s + 1e-3 * watchdog_ms
-            if ends_s <= time_s:
-                super().advance_to(ends_s)
-                self._drive(0.0)
-        super().advance_to(time_s)
-
     def restart(self) -> None:
         """Start anew; counts too."""
         super().restart()
@@ -132,8 +123,7 @@ class CanServer(RegisterServer):
         self._watch(frame)
         if name == "current_command" and not self._enabled and numbers[0] != 0.0:
             return
-        if self._write_status(frame, register) == OK:
-            self._commanded_s = self.plant.time_s
+        self._write_status(frame, register)
 
     # --- what is told -----------------------------------------------------------------------------------------------
 

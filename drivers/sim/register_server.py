@@ -56,6 +56,8 @@ class RegisterServer:
     ) -> None:
         self.wire_map = wire_map
         self.plant = plant
+        self.watchdog_s: float | None = None  # it lets go of a current that is not repeated so soon
+        self._commanded_s = plant.time_s
         self.faults = faults if faults is not None else FaultInjector()
         self._spoilt = WheelFaults(self.faults)
         self._watch = watch
@@ -95,7 +97,10 @@ class RegisterServer:
         return replies
 
     def advance_to(self, time_s: float) -> None:
-        """Let the wheel run; in speed mode its own loop commands the current."""
+        """Let the wheel run; in speed mode its own loop commands the current, unheard it lets go by its watchdog."""
+        if self.watchdog_s is not None and self.command_A != 0.0 and self._commanded_s + self.watchdog_s <= time_s:
+            self.plant.advance_to(self._commanded_s + self.watchdog_s)
+            self._drive(0.0)
         while self.mode == SPEED and self._loop_due_s <= time_s:
             self.plant.advance_to(self._loop_due_s)
             self._close_speed_loop()
@@ -139,11 +144,10 @@ class RegisterServer:
         if register is None:
             return UNKNOWN_ID
         refusal = self._spoilt.refusal(register.name, self.plant.time_s)
-        if refusal is None:
-            return self._write(register, frame.data)
-        if refusal.acts:
-            self._write(register, frame.data)
-        return refusal.status
+        done = self._write(register, frame.data) if refusal is None or refusal.acts else UNKNOWN_ID
+        if done == OK:
+            self._commanded_s = self.plant.time_s
+        return done if refusal is None else refusal.status
 
     def _write(self, register: Register, data: bytes) -> int:
         """Do what a write asks for; the status of its reply."""
@@ -208,14 +212,19 @@ class RegisterServer:
             self._flags |= FLAG_LIMITED
         self._drive(current_A)
 
+    @property
+    def current_A(self) -> float:
+        """What flows."""
+        lags = self.plant.parameters.actuator_lag_s > 0.0
+        return self.plant.state.winding_current_A if lags else self.plant.current_A
+
     # --- telemetry ----------------------------------------------------------------------------------------------
 
     def _telemetry(self, register: Register) -> dict[str, float]:
         """SI values of what the register may carry, at the plant's time."""
         plant = self.plant
-        lags = plant.parameters.actuator_lag_s > 0.0
         values = {
-            "current": plant.state.winding_current_A if lags else plant.current_A,
+            "current": self.current_A,
             "current_command": self.command_A,
             "speed_reference": self.speed_reference_rad_s,
             "temperature": plant.state.temperature_degC,

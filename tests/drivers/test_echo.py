@@ -25,7 +25,7 @@ from rw_ekf.errors import DriverError
 from rw_ekf.settings.load import load_configuration
 from tests.live.bench import served_wheel, write_config
 
-SERIAL_FAMILIES = ("sunspace-wheel", "nsp-wheel", "ascii-wheel")
+SERIAL_FAMILIES = ("sunspace-wheel", "nsp-wheel", "ascii-wheel", "vesc-wheel")
 
 
 @given(st.binary(min_size=1, max_size=40), st.binary(max_size=40), st.lists(st.integers(1, 7), max_size=60))

@@ -96,7 +96,7 @@ def test_a_megabyte_without_an_end_is_bounded(bench: Bench, wire_map: WireMap) -
         return babbling[0]
 
     wheel = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, open_port=opening(wrap))
-    babbling[0].junk = b"\x1f\x7f" + bytes(MEGABYTE)
+    babbling[0].junk = b"\x1f\x7f\x02\xff" + bytes(MEGABYTE)
     kept = []
     while babbling[0].junk:
         assert wheel.read(0.05) is None or not babbling[0].junk

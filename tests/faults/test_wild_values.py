@@ -107,7 +107,7 @@ def test_a_wheel_that_speaks_in_floats_is_held_to_them(bench: Bench, wheel: Seri
     assert sample.temperature_degC is None
 
 
-@pytest.mark.parametrize("family", FAMILIES[::2], indirect=True)
+@pytest.mark.parametrize("family", [FAMILIES[0], FAMILIES[2]], indirect=True)
 @pytest.mark.parametrize("number", ["inf", "-inf", "nan", "1715.7", "-1715.73"])
 def test_a_speed_at_the_end_of_its_integer_is_none(bench: Bench, wheel: SerialWheel, number: str) -> None:
     """Row 18: saturated at either end of what 16 bits carry: no sample, counted as damaged; then as before."""
@@ -122,7 +122,7 @@ def test_a_speed_at_the_end_of_its_integer_is_none(bench: Bench, wheel: SerialWh
     wait_for(lambda: wheel.read(0.5) is not None)
 
 
-@pytest.mark.parametrize("family", FAMILIES[::2], indirect=True)
+@pytest.mark.parametrize("family", [FAMILIES[0], FAMILIES[2]], indirect=True)
 def test_a_speed_that_goes_round_the_end_of_its_integer_is_none(bench: Bench, wheel: SerialWheel) -> None:
     """Row 18: -16000 rpm just after 16000 rpm is a wrap and no reading; what stays so for a second is believed."""
     bench.fault(f"value/cycle:speed={rad_s_from_rpm(16000.0)}")

@@ -39,7 +39,7 @@ from tests.injecting import put_faults
 ROOT = Path(__file__).parents[2]
 PROGRAM = (sys.executable, "-W", "ignore", "-m", "rw_ekf")
 CURRENT_COMMAND, CYCLE = 3, 137
-FAMILIES = ("sunspace-wheel", "nsp-wheel", "can-wheel", "ascii-wheel")  # one map of each family of wheels
+FAMILIES = ("sunspace-wheel", "nsp-wheel", "can-wheel", "ascii-wheel", "vesc-wheel")  # one map of each family of wheels
 
 
 @dataclass
