@@ -25,6 +25,11 @@ class EchoCheck:
         self._sent = b""  # whose echo has not come yet
         self._heard = b""
 
+    @property
+    def is_awaited(self) -> bool:
+        """Whether the echo of what was sent last has not come yet."""
+        return bool(self._sent)
+
     def note_sent(self, content: bytes) -> None:
         """A request goes out. Raises EchoError where too many before it did not come back."""
         self.judge()

@@ -94,7 +94,7 @@ class SerialLink:
         return Exchange(reply, arrived_s, self._came_s)
 
     def _tell(self, frame: bytes, meanwhile: Callable[[], object] = lambda: None) -> Exchange:
-        """Send a frame that nothing answers; its data is empty, or None where it could not be sent.
+        """Send a frame that nothing answers; its data is empty, or None where it could not be sent, or was not echoed.
 
         meanwhile: called when what came before has been taken, and the frame has not gone out.
         """
@@ -107,9 +107,20 @@ class SerialLink:
             is_sent = self._send(frame)
             if not is_sent and self.settings.is_local:
                 self._serial.reset_output_buffer()
+            if is_sent and self._end is not None:
+                is_sent = self._is_echoed(self._end, sent_s + self.transmit_s(len(frame)) + self.reply_timeout_s)
         except LINE_EXCEPTIONS as error:
             raise lost_error(self.settings.port, error) from error
         return Exchange(b"" if is_sent else None, sent_s + self.transmit_s(len(frame)), self._clock.monotonic())
+
+    def _is_echoed(self, end: LineEnd, until_s: float) -> bool:
+        """Wait for the echo of what was sent, where there is one, until a time [s]; whether none is missing."""
+        while end.awaits_echo and self._clock.monotonic() < until_s:
+            self._take(1)
+        is_missing = end.awaits_echo
+        if is_missing:
+            self._give_up_turn(end)
+        return not is_missing
 
     @property
     def in_turns(self) -> bool:

@@ -135,6 +135,11 @@ class LineEnd:
         """How many echoes have not come since the port was opened, whoever had sent."""
         return 0 if self._shared.echo is None else self._shared.echo.lost
 
+    @property
+    def awaits_echo(self) -> bool:
+        """Whether what was sent last has not been heard yet, where it will be."""
+        return self._shared.echo is not None and self._shared.echo.is_awaited
+
     def give_up(self) -> None:
         """A request has no answer: nothing more is asked before the next turn. Raises EchoError."""
         if self.slot is not None:

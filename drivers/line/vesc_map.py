@@ -39,7 +39,7 @@ class VescFraming(Section):
 class VescCommand(Section):
     """What is known of a current that is commanded."""
 
-    tolerance: float = Key(0.05, gt=0.0, description="of a current in force, as it is told [A]")
+    tolerance: float = Key(0.02, gt=0.0, description="of a current in force, as it is told [A]")
     watchdog_ms: Annotated[float | None, NOT_NULL] = Key(
         1000.0, gt=0.0, description="the VESC's own time-out, after which it lets go (timeout_msec of its app settings)"
     )

@@ -43,6 +43,8 @@ class RegisterServer:
     max_current_A: beyond it a command has status 3 (default: the wire's).
     """
 
+    hottest_degC = OVER_TEMPERATURE_DEGC  # above it says so
+
     def __init__(
         self,
         wire_map: WireMap,
@@ -245,7 +247,7 @@ class RegisterServer:
 
     def _take_flags(self) -> int:
         """The status flags; reading them clears "reset since last read"."""
-        hot = self.plant.state.temperature_degC > OVER_TEMPERATURE_DEGC
+        hot = self.plant.state.temperature_degC > self.hottest_degC
         flags = self._flags | (FLAG_FAULT if self.fault else 0) | (FLAG_OVER_TEMPERATURE if hot else 0)
         self._flags &= ~FLAG_RESET
         return flags

@@ -13,6 +13,7 @@ class VescServer(RegisterServer):
     """It acknowledges no write, and lets go of a current that is not repeated in time."""
 
     wire_map: VescMap
+    hottest_degC = 100.0  # where it stops with a fault, by its default settings
 
     def __init__(self, *args: Any, first_uptime_s: float = 0.0, **options: Any) -> None:
         super().__init__(*args, first_uptime_s=first_uptime_s, **options)
