@@ -23,10 +23,8 @@ FW_VERSION, SET_CURRENT, SET_CURRENT_BRAKE, GET_VALUES_SELECTIVE = 0, 6, 7, 50
 FIRST_READ = 128
 IDENTITY_ID, VALUES_ID = FIRST_READ + FW_VERSION, FIRST_READ + GET_VALUES_SELECTIVE
 # Bytes of the numbers that each bit of a mask asks for, from the lowest.
-VALUE_BYTES = (
-    ((2,), (2,), (4,), (4,), (4,), (4,), (2,), (4,), (2,), (4,), (4,), (4,), (4,), (4,), (4,), (1,), (4,), (1,))
-    + ((2, 2, 2), (4,), (4,), (1,))
-)  # fmt: skip
+_BYTES_BY_BIT = "2 2 4 4 4 4 2 4 2 4 4 4 4 4 4 1 4 1 2+2+2 4 4 1"
+VALUE_BYTES = tuple(tuple(map(int, sizes.split("+"))) for sizes in _BYTES_BY_BIT.split())
 _SEQ_SHIFT, _MASK_BITS = 24, 0xFF_FFFF
 _AROUND_BYTES = 5  # start, length, checksum, end
 _MASK_BYTES, _VERSION_BYTES, _UUID_BYTES = 4, 2, 12

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field as Key
@@ -13,7 +14,6 @@ from rw_ekf.drivers.line.framing import Codec
 from rw_ekf.drivers.line.line import Line
 from rw_ekf.drivers.line.vesc import (
     FIRST_READ,
-    GET_VALUES_SELECTIVE,
     IDENTITY_ID,
     SET_CURRENT,
     SET_CURRENT_BRAKE,
@@ -21,7 +21,7 @@ from rw_ekf.drivers.line.vesc import (
     VALUES_ID,
     VescCodec,
 )
-from rw_ekf.drivers.line.wire_layout import TYPES, Field, IdRanges, Register
+from rw_ekf.drivers.line.wire_layout import Field, IdRanges, Register
 from rw_ekf.drivers.line.wire_map import WireMap
 
 FLAG_FAULT, FLAG_OVER_TEMPERATURE = 1, 4
@@ -96,9 +96,11 @@ class VescRegister(Register):
             return [(("mask",), "is required: which values are asked for, bit by bit")]
         asked = [size for bit, sizes in enumerate(VALUE_BYTES) if self.mask >> bit & 1 for size in sizes]
         found: list[Mistake] = []
-        have = [(8 if field.type[1:] == "64" else int(field.type[1:]) // 8) for field in self.fields]
+        have = [struct.calcsize(field.code) for field in self.fields]
         if asked != have:
-            words = f"asks for numbers of {_list(asked)} bytes, but the fields have {_list(have)}"
+            words = "asks for numbers of {} bytes, but the fields have {}".format(
+                *(", ".join(map(str, sizes)) for sizes in (asked, have))
+            )
             found.append((("mask",), f"{words}: one field for each, from the lowest bit on"))
         return found + [
             (("fields", index, "name"), "needs pole_pairs: a VESC tells the electrical speed")
@@ -141,7 +143,3 @@ class VescMap(WireMap):
 
         settings, *more = line
         return VescLink(settings, self, *more)
-
-
-def _list(sizes: list[int]) -> str:
-    return ", ".join(map(str, sizes))

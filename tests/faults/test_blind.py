@@ -9,7 +9,7 @@ import pytest
 
 from rw_ekf.commands.run_report import exit_status
 from tests.faults.rig import EACH_FAMILY, FAMILY, LineWheel
-from tests.live.bench import FAMILIES
+from tests.live.bench import CONFIRMED_BY_TELEMETRY, FAMILIES
 
 pytestmark = pytest.mark.usefixtures("family")
 
@@ -53,7 +53,7 @@ def test_a_latch_opens_at_a_word(tmp_path: Path) -> None:
 @EACH_FAMILY
 def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
     """Row 16: values stand, the clock runs: STUCK within seconds, zero, SAFE; alive again it goes on at a word."""
-    which = ":speed" if FAMILY.get() in ("can-wheel", "vesc-wheel") else ""  # there telemetry that stands still takes no command either
+    which = ":speed" if FAMILY.get() in CONFIRMED_BY_TELEMETRY else ""  # no command is taken where the current stands
     made = wheel(tmp_path, f"freeze{which}@20s:10s", resumes_at_s=45.0)
     ran = made.run(60.0, command=SINE)
     assert ran.notes.events.count("telemetry_stuck") == ran.notes.events.count("telemetry_alive") == 1
@@ -99,7 +99,7 @@ def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> Non
         assert abs(error) < 4.0 * getattr(ran.outcome.belief.parameter_std, name)
 
 
-@pytest.mark.parametrize("family", ["can-wheel", "vesc-wheel"], indirect=True)
+@pytest.mark.parametrize("family", CONFIRMED_BY_TELEMETRY, indirect=True)
 def test_telemetry_that_stands_still_bears_no_command_out(tmp_path: Path) -> None:
     """Row 16: where telemetry confirms, a frozen one takes no command: said once, zero written; then on as before."""
     made = wheel(tmp_path, "freeze@20s:10s")

@@ -40,6 +40,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = (sys.executable, "-W", "ignore", "-m", "rw_ekf")
 CURRENT_COMMAND, CYCLE = 3, 137
 FAMILIES = ("sunspace-wheel", "nsp-wheel", "can-wheel", "ascii-wheel", "vesc-wheel")  # one map of each family of wheels
+CONFIRMED_BY_TELEMETRY = ("can-wheel", "vesc-wheel")  # those that answer no command
 
 
 @dataclass

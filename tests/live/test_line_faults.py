@@ -12,7 +12,7 @@ import pytest
 
 from rw_ekf.drivers.line.wheel_registers import telling_register
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import FAMILIES, Bench, virtual_wheel
+from tests.live.bench import CONFIRMED_BY_TELEMETRY, FAMILIES, Bench, virtual_wheel
 from tests.live.daemon import Event, Ran, resume, run
 
 
@@ -74,7 +74,7 @@ def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Ben
     ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, f"silence/{bench.registers.wire_map.speed_register.name}"))
     log = ran.log
     assert ran.outcome.statistics.rejected == 0
-    if bench.protocol in ("can-wheel", "vesc-wheel"):
+    if bench.protocol in CONFIRMED_BY_TELEMETRY:
         pytest.skip("telemetry is what confirms here: no zero is confirmed without it")
     assert log.segment.max() == 0
     gap = np.flatnonzero(np.isnan(log.speed_rad_s))
