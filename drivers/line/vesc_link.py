@@ -16,6 +16,8 @@ from rw_ekf.drivers.line.vesc import FIRST_READ
 from rw_ekf.drivers.line.vesc_map import VescMap
 from rw_ekf.drivers.line.wire_map import STATUS_OK
 
+_REPLIES = 2  # each of which may take its time: as a write and its reading back of another wheel
+
 
 class VescLink(SerialLink):
     """An open line to a wheel of such a map."""
@@ -32,7 +34,7 @@ class VescLink(SerialLink):
             return super().request(register_id, data, reply_bytes, timeout_s)
         command = self._map.current_command
         wanted_A = decode_register(command, data)["current_command"] if register_id == command.id else 0.0
-        limit_s = self.reply_timeout_s if timeout_s is None else min(timeout_s, self.reply_timeout_s)
+        limit_s = _REPLIES * self.reply_timeout_s if timeout_s is None else timeout_s
         exchange = self._confirmed(self.codec.request(0, register_id, data), wanted_A, limit_s)
         self._sent_A = wanted_A
         return exchange

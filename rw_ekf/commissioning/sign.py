@@ -185,6 +185,8 @@ def _broken_away(bench: Bench, most_A: float, rest_rad_s: float) -> tuple[list[R
 def _ramp(bench: Bench, side: float, most_A: float, rest_rad_s: float) -> list[Row]:
     bench.run(to_rest(rest_rad_s), _REST_AT_MOST_S)
     rows = bench.run(ramp(side, most_A, rest_rad_s), _RAMP_AT_MOST_S)
+    while rows and rows[-1].speed_rad_s is None:  # readings that were missed behind the last one of the ramp
+        rows.pop()
     if not any(abs(row.speed_rad_s or 0.0) > rest_rad_s for row in rows[-2:]):
         raise RefusedError(
             f"{most_A:.3g} A {'forward' if side > 0.0 else 'backward'}, the current limit, did not move the wheel: is "

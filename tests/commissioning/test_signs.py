@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
+from rw_ekf.commissioning.bench import Bench, Row
 from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.scale import agreed, named_ratio
+from rw_ekf.commissioning.sign import _ramp
 from rw_ekf.commissioning.signs import READ, WRITE, Ratios, turned_signs
 from rw_ekf.commissioning.still import lattice_of
 from tests.live.bench import ROOT, protocol_named
@@ -41,6 +43,22 @@ def test_one_sign_against_all_others_is_the_one_that_is_turned() -> None:
     """A command that contradicts speed, current and echo is turned itself, and nothing else."""
     assert turned_signs(-15.0, Ratios(-1.0, -1.0, 1.0)) == {("current_command", WRITE): -1.0}
     assert turned_signs(-15.0, Ratios(1.0, 1.0, None)) == {("speed", READ): -1.0}
+
+
+def test_readings_missed_behind_a_ramp_do_not_say_that_the_wheel_stood_still() -> None:
+    """Two of them behind the one that shows the motion: the ramp ends with that one; a wheel that stood is refused."""
+
+    class Ramped(Bench):
+        def __init__(self, speeds: list[float | None]) -> None:
+            self.speeds = speeds
+
+        def run(self, move: object, at_most_s: float) -> list[Row]:
+            return [Row(0.1 * i, v, None, None, None, 0, 0.1, 0.01, True) for i, v in enumerate(self.speeds)]
+
+    rows = _ramp(Ramped([0.0, None, 1.0, 1.2, None, None]), -1.0, 0.6, 0.5)
+    assert [row.speed_rad_s for row in rows] == [0.0, None, 1.0, 1.2]
+    with pytest.raises(RefusedError, match="backward, the current limit, did not move"):
+        _ramp(Ramped([0.0, 0.1, 0.1, None]), -1.0, 0.6, 0.5)
 
 
 @pytest.mark.parametrize("ratios", [Ratios(0.1, None, None), Ratios(None, -1.1, None), Ratios(None, None, 9.55)])
