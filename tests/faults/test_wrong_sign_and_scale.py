@@ -57,7 +57,7 @@ def test_a_healthy_wheel_is_confirmed_before_the_profile(tmp_path: Path, speed_r
 )
 @pytest.mark.parametrize(
     ("family", "speed_rad_s"),
-    [(FAMILIES[0], 0.0), (FAMILIES[0], 20.0), (FAMILIES[1], 0.0), (FAMILIES[2], 0.0)],
+    [(FAMILIES[0], 0.0), (FAMILIES[0], 20.0), (FAMILIES[1], 0.0), (FAMILIES[2], 0.0), (FAMILIES[4], 0.0)],
     indirect=["family"],
 )
 @pytest.mark.usefixtures("family")

@@ -92,9 +92,12 @@ def wrong_map(directory: Path, field: str, scale: float, protocol: str = "sunspa
     content = yaml.safe_load((ROOT / "config" / f"{protocol}.yaml").read_text(encoding="utf-8"))
     if "dbc" in content:
         return wrong_database(directory, field, scale, content)
+    names = (
+        (field, "current") if (field, protocol) == ("current_command", "vesc-wheel") else (field,)
+    )  # by it one is taken
     for register in content["registers"]:
         for entry in register.get("fields", ()):
-            if entry["name"] == field:
+            if entry["name"] in names:
                 entry["scale"] = scale * entry.get("scale", 1.0)
     path = directory / "wrong-map.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
