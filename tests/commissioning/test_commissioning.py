@@ -73,23 +73,24 @@ def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scale", "turned"),
+    ("family", "scale", "turned"),
     [
-        (2.0, ()),
-        (1.0, (("speed", "read"),)),
-        (1.0, (("current_command", "write"),)),
-        (1.0, (("current_command", "read"),)),
+        ("can-wheel", 2.0, ()),
+        ("can-wheel", 1.0, (("speed", "read"),)),
+        ("can-wheel", 1.0, (("current_command", "write"),)),
+        ("can-wheel", 1.0, (("current_command", "read"),)),
+        ("vesc-wheel", 2.0, (("current_command", "write"),)),
     ],
 )
-def test_a_wheel_on_a_can_bus_is_commissioned_through_a_mended_copy_of_its_dbc(
-    scale: float, turned: tuple[tuple[str, str], ...]
+def test_a_wheel_whose_telemetry_bears_commands_out_is_commissioned_through_a_mended_map(
+    family: str, scale: float, turned: tuple[tuple[str, str], ...]
 ) -> None:
     """A scale twice what it should be, a sign of the speed: the model is the true wheel's, as on a serial line.
 
     The sign of what is written, or of the command as it is told: telemetry then tells the opposite of each command, so
     that none counts as taken; the wheel is moved through a copy by which they are, and the right one of both is turned.
     """
-    told = carry_out(replace(USUAL, family="can-wheel", scale=scale, turned=turned))
+    told = carry_out(replace(USUAL, family=family, scale=scale, turned=turned))
     assert told.verdict == "right", told.reason
 
 
