@@ -119,6 +119,7 @@ class SerialLink:
             self._take(1)
         is_missing = end.awaits_echo
         if is_missing:
+            self.counters.timeouts += 1
             self._give_up_turn(end)
         return not is_missing
 

@@ -118,6 +118,19 @@ def test_collisions_cost_what_collided_and_are_counted(tmp_path: Path) -> None:
         assert driver.link.echoes_lost == driver.link.timeouts
 
 
+def test_a_command_that_nothing_answers_is_not_believed_without_its_echo(tmp_path: Path) -> None:
+    """One in five echoes is lost, of commands and of the questions behind them: what is acknowledged had all of its."""
+    with opened(tmp_path, "vesc-wheel", "echo:80%") as driver:
+        acknowledged = 0
+        for number in range(100):
+            lost = driver.link.echoes_lost
+            issued = driver.command_current(0.1 * (-1) ** number)
+            assert issued.acknowledged == (driver.link.echoes_lost == lost)
+            acknowledged += issued.acknowledged
+        assert 30 <= acknowledged <= 70  # of a command and two questions: half
+        assert driver.link.echoes_lost == driver.link.timeouts
+
+
 def test_an_adapter_without_echo_is_told_at_the_start(tmp_path: Path) -> None:
     """wheel.echo on a line that does not: the error names the key and what comes back."""
     with (
