@@ -19,9 +19,10 @@ def test_a_run_from_outside_with_faults_ends_with_zero(tmp_path: Path) -> None:
     link = tmp_path / "wheel"
     config = str(write_config(tmp_path, f"can:slcan:{link}", wheel={"protocol": "can-wheel"}))
     assert rw_ekf("check-config", config).returncode == 0
-    faults = "flip/from:2%,drop:2%,silence@8s:1s:8s"
+    faults = "flip/from:2%,drop:2%,silence@20s:1s"  # one silence alone: a stop within a second would end in it
     with program("simulate", "--config", config, "--link", str(link), "--seed", "3", "--fault", faults) as wheel:
         wait_for(link.is_symlink)
+        begun_s = time.monotonic()
         with program("run", "--config", config, "--json") as daemon:
 
             def state() -> str | None:
@@ -29,7 +30,7 @@ def test_a_run_from_outside_with_faults_ends_with_zero(tmp_path: Path) -> None:
                 return json.loads(told.stdout)["state"] if told.returncode in (0, 3) else None
 
             wait_for(lambda: state() == "TRACKING", 60.0)
-            time.sleep(9.0)  # so that a silence has come, however long the start took
+            time.sleep(max(begun_s + 22.0 - time.monotonic(), 2.0))
             wait_for(lambda: state() == "TRACKING", 60.0)
             wait_for(lambda: rw_ekf("stop", "--config", config).returncode == 0, 60.0)
             out, errors = daemon.communicate(timeout=60.0)
