@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -127,6 +128,14 @@ class RunFeed:
         now = [beside(self.stem, "model.yaml"), *learned]
         found = {"began": beside(self.stem, "start.yaml"), "now": next((p for p in now if p.exists()), None)}
         return {name: path for name, path in found.items() if path is not None and path.exists()}
+
+    def model_times(self) -> dict[str, int]:
+        """When each of them was written [ns]; one that is just being replaced may be missing."""
+        found = {}
+        for path in self.models().values():
+            with contextlib.suppress(OSError):
+                found[str(path)] = path.stat().st_mtime_ns
+        return found
 
     def _is_of_run(self, path: Path) -> bool:
         try:

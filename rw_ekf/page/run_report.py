@@ -14,6 +14,7 @@ from rw_ekf.logs.parts import beside
 
 _MOST_TICKETS = 50
 _VALID_S = 3600.0  # a page that stands open for longer asks again
+_ENDS_WITHIN_S = 1.0  # else it is killed: a diagnosis keeps nothing that a second would save
 _WORDS = 600  # of what a diagnosis that failed has said
 
 
@@ -63,7 +64,11 @@ class Reports:
         """End what is being made."""
         if self._child is not None and self._child.poll() is None:
             self._child.terminate()
-            self._child.wait()
+            try:
+                self._child.wait(_ENDS_WITHIN_S)
+            except subprocess.TimeoutExpired:
+                self._child.kill()
+                self._child.wait()
 
     def _look(self) -> None:
         if self._child is None or self._of is None or self._said is None or self._child.poll() is None:

@@ -12,6 +12,7 @@ import json
 import math
 import secrets
 from collections.abc import AsyncIterator, Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,6 +35,7 @@ _FILES = {"page.js": "text/javascript", "panes.js": "text/javascript", "page.css
           "uPlot.iife.min.js": "text/javascript", "uPlot.min.css": "text/css"}  # fmt: skip
 _LOOK_S, _STATE_S, _CURVE_S = 0.2, 1.0, 5.0
 _QUEUE = 64  # messages a client may be behind: 13 s
+_OVER = b""  # the last message
 _MOST_CLIENTS = 200
 _MOST_POINTS = 20_000
 _POLICY = (
@@ -91,6 +93,14 @@ class Place:
     stopping: int = 0  # stops that are being waited for
     watchers: dict[str, Watcher] = field(default_factory=dict)
     reports: Reports = field(default_factory=Reports)
+    # A thread of its own: a stop waits neither behind what others ask for, nor for the run's priority over the page.
+    stopper: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "stop"))
+
+    def close(self) -> None:
+        """Let go of who is connected, and end the report that is being made. Safe to call twice."""
+        for watcher in self.watchers.values():
+            watcher.end()
+        self.reports.close()
 
     def runs(self) -> list[Path]:
         """The runs there are now, the newest first."""
@@ -128,6 +138,11 @@ class Watcher:
         finally:
             self.clients.discard(queue)
 
+    def end(self) -> None:
+        """No more messages: who is connected is let go of."""
+        for queue in self.clients:
+            _put(queue, _OVER)
+
     async def _watch(self) -> None:
         tail = await run_in_threadpool(self._feed.tail)
         models: object = None
@@ -144,7 +159,7 @@ class Watcher:
             if looks % per_state == 0 and (state := await run_in_threadpool(self._feed.state)) is not None:
                 self._tell(state)
             if looks % per_curve == 0:
-                now = {str(path): path.stat().st_mtime_ns for path in self._feed.models().values()}
+                now = await run_in_threadpool(self._feed.model_times)
                 if now != models:
                     self._tell({"kind": "models"})
                     models = now
@@ -158,12 +173,17 @@ class Watcher:
     def _tell(self, message: dict[str, Any]) -> None:
         data = _event(message)
         for queue in self.clients:
-            try:
+            if queue.full():
+                _put(queue, _event({"kind": "behind"}))
+            else:
                 queue.put_nowait(data)
-            except asyncio.QueueFull:
-                while not queue.empty():
-                    queue.get_nowait()
-                queue.put_nowait(_event({"kind": "behind"}))
+
+
+def _put(queue: asyncio.Queue[bytes], message: bytes) -> None:
+    """In place of all that waits there."""
+    while not queue.empty():
+        queue.get_nowait()
+    queue.put_nowait(message)
 
 
 class _Answers:
@@ -228,7 +248,7 @@ class _Answers:
             return _refusal(403, "the address that was printed has the token that this takes")
         self._place.stopping += 1
         try:
-            return _json(await run_in_threadpool(self._place.stop))
+            return _json(await asyncio.get_running_loop().run_in_executor(self._place.stopper, self._place.stop))
         finally:
             self._place.stopping -= 1
 
@@ -272,12 +292,13 @@ def page_app(place: Place, access: Access) -> Starlette:
 
 async def _messages(watcher: Watcher) -> AsyncIterator[bytes]:
     async with watcher.client() as queue:
-        yield b": hello\n\n"
-        while True:
+        message = b": hello\n\n"
+        while message != _OVER:
+            yield message
             try:
-                yield await asyncio.wait_for(queue.get(), 15.0)
+                message = await asyncio.wait_for(queue.get(), 15.0)
             except TimeoutError:
-                yield b": still here\n\n"
+                message = b": still here\n\n"
 
 
 class _Guard:

@@ -26,7 +26,8 @@ def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> 
             f"{host}:{port}: the page cannot be served there ({error.strerror or error}): give another HOST:PORT, or "
             "port 0 for any that is free"
         ) from None
-    os.nice(_NICE)
+    place.stopper.submit(os.getpid).result()  # its thread begins before the others are made to wait for the run
+    os.nice(_NICE)  # on Linux of this thread, and of those and the processes that it starts
     access = Access.of(host)
     shown = f"[{host}]" if ":" in host else host
     told(f"http://{shown}:{listening.getsockname()[1]}/#token={access.token}")
@@ -37,7 +38,7 @@ def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> 
     try:
         _Server(configuration, place).run(sockets=[listening])
     finally:
-        place.reports.close()
+        place.close()
 
 
 class _Server(uvicorn.Server):
@@ -52,6 +53,7 @@ class _Server(uvicorn.Server):
         await super().main_loop()
         while self._place.stopping:
             await asyncio.sleep(_LOOK_S)
+        self._place.close()  # here, for behind this a signal ends the process at once
 
 
 def _listening(host: str, port: int) -> socket.socket:
