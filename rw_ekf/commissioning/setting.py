@@ -17,7 +17,8 @@ from rw_ekf.units import rpm_from_rad_s
 CONFIGURATION_FILE = "wheel.yaml"
 SLEW_PER_LIMIT = 12.5  # from zero to the largest current in 80 ms: as the shipped example's limits have it
 _LEAST_TIMEOUT_MS = 40.0
-_REPLIES = 3.0  # times what a reply took beyond its bytes
+_REPLIES = 3.0  # times what a reply took beyond its bytes, behind the time that a whole sample takes with them
+_SILENCE_S, _SILENT_PERIODS = 0.5, 2.0  # the configuration's own, or so many periods of a slow loop: one may be missed
 _RATES_HZ = (10.0, 5.0, 4.0, 2.0, 1.0)
 _READS_A_PERIOD = 2.2  # the loop waits half a period for a sample
 _PRIOR_SHARE = 0.3  # standard deviation of what a small move shows, of itself
@@ -33,10 +34,13 @@ def sections_of(progress: Progress) -> dict[str, dict[str, Any]]:
     kept = {name: limits[name] for name in ("current_A", "speed_rpm", "temperature_degC") if limits[name] is not None}
     rate_hz = rate_for(found["read_ms"])
     reply_ms = (still or found)["reply_ms"] or 0.0  # none where nothing is asked, as on a bus
-    timeout_ms = max(_LEAST_TIMEOUT_MS, _REPLIES * reply_ms)
+    timeout_ms = max(_LEAST_TIMEOUT_MS, found["read_ms"] + _REPLIES * reply_ms)
+    kept["slew_A_per_s"] = SLEW_PER_LIMIT * limits["current_A"]
+    if _SILENCE_S * rate_hz < _SILENT_PERIODS:
+        kept["silence_s"] = _SILENT_PERIODS / rate_hz
     sections: dict[str, dict[str, Any]] = {
         "wheel": wheel,
-        "limits": {**kept, "slew_A_per_s": SLEW_PER_LIMIT * limits["current_A"]},
+        "limits": kept,
         "loop": {"rate_hz": rate_hz, "reply_timeout_ms": round(min(timeout_ms, 0.5e3 / rate_hz), 1)},
         "command": {"profile": "zero"},
     }
@@ -83,6 +87,7 @@ def _text(progress: Progress, model: str | None) -> str:
         "wheel.protocol": sign["map_text"],
         "limits": f"what may never be exceeded, as {limits['by']} gave it",
         "limits.slew_A_per_s": "from zero to the limit in 80 ms",
+        "limits.silence_s": "two periods of the loop",
         "loop.reply_timeout_ms": f"a reply takes {still['reply_ms']:.3g} ms beyond its bytes"
         if still["reply_ms"]
         else None,

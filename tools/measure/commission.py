@@ -2,10 +2,11 @@
 
 python -m tools.measure.commission [--wheels 20] [--seed 1] [--jobs 2] [--first N]
 
-Each draw is a whole `rw-ekf commission` over the real serial driver on a virtual clock: a wheel of either family with
-its gain and friction a third to three times [CK13]'s, signs of its wire map turned or not, the scale of speed right,
-or off by 60/2 pi, 2 or 10 either way, noise 0.1 to 5 rpm, any usual baud, a delay of the command. A person with a
-tachometer is there in two of three draws; in the third there is none, and what is right then is to refuse.
+Each draw is a whole `rw-ekf commission` over the real serial driver on a virtual clock: a wheel of each family in turn
+(FAMILIES) with its gain and friction a third to three times [CK13]'s, signs of its wire map turned or not, where they
+are read, written or both, the scale of speed right, or off by 60/2 pi, 2 or 10 either way, of an angle with it in
+three of four, noise 0.1 to 5 rpm, any baud of its family, a delay of the command. A person with a tachometer is there
+in two of three draws; in the third there is none, and what is right then is to refuse.
 
 right: a model was written, and its gain, and its friction at 30, 300 and 1500 rpm both ways, are the wheel's within
 10 % in units of true speed through the map that was written. wrong: written, and not so; or a current other than zero
@@ -54,11 +55,28 @@ from rw_ekf.logs.reader import read_log
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from rw_ekf.wheel.model_file import read_model
 
-FAMILIES = ("sunspace-wheel", "nsp-wheel")
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400)
+
+
+class Family(NamedTuple):
+    """One shipped map of a family of wheels."""
+
+    protocol: str
+    usual_gain: float = 15.205  # rad/s^2 per unit of command: [CK13]'s
+    bauds: tuple[int, ...] = BAUDS
+
+
+FAMILIES = (
+    Family("sunspace-wheel"),
+    Family("nsp-wheel"),
+    Family("can-wheel", bauds=(57600, 115200, 230400)),  # below, an adapter cannot pass its cycle of 10 ms on
+    Family("ascii-wheel"),
+    Family("odrive-ascii-wheel", usual_gain=100.0),  # per N m: a rotor of 0.01 kg m^2; the map carries 1 N m
+)
 SCALES = (1.0, 1.0, 60.0 / (2.0 * math.pi), 2.0 * math.pi / 60.0, 2.0, 0.5, 10.0, 0.1)
 TURNED: tuple[tuple[tuple[str, str], ...], ...] = (
-    (), (), (("speed", "read"),), (("current_command", "write"),), (("current", "read"),),
+    (), (), (("speed", "read"),), (("speed", "read"), ("angle", "read")), (("current", "read"),),
+    (("current_command", "write"),), (("current_command", "read"),),
     (("current_command", "write"), ("current_command", "read"), ("current", "read")),
 )  # fmt: skip
 _FINE_STEP_S = 0.002
@@ -84,6 +102,7 @@ class Draw:
     delay_s: float
     has_tachometer: bool
     yes: bool = True
+    of_angle: bool = False  # whether an angle's scale is off as the speed's is
 
 
 @dataclass
@@ -191,14 +210,15 @@ def draw_wheel(number: int, seed: int) -> Draw:
     """The wheel of that number."""
     rng = random.Random(f"{seed}/{number}")
     third = partial(rng.uniform, -math.log(3.0), math.log(3.0))
+    family = FAMILIES[number % len(FAMILIES)]
     coulomb = 0.5863 * math.exp(third())
     return Draw(
-        number, FAMILIES[number % len(FAMILIES)],
-        gain=15.205 * math.exp(third()), viscous=0.00322 * math.exp(third()),
+        number, family.protocol,
+        gain=family.usual_gain * math.exp(third()), viscous=0.00322 * math.exp(third()),
         coulomb=coulomb, static=coulomb * rng.uniform(1.0, 1.3),
         scale=rng.choice(SCALES), turned=rng.choice(TURNED),
-        noise_rpm=math.exp(rng.uniform(math.log(0.1), math.log(5.0))), baud=rng.choice(BAUDS),
-        delay_s=rng.choice((0.0, 0.0, 0.05)), has_tachometer=rng.random() < 2.0 / 3.0,
+        noise_rpm=math.exp(rng.uniform(math.log(0.1), math.log(5.0))), baud=rng.choice(family.bauds),
+        delay_s=rng.choice((0.0, 0.0, 0.05)), has_tachometer=rng.random() < 2.0 / 3.0, of_angle=rng.random() < 0.75,
     )  # fmt: skip
 
 
@@ -238,10 +258,12 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options, s
 
 def options_of(draw: Draw, directory: Path) -> Options:
     """The options: a limit of current that the wheel can be identified within, one of speed, the map that is wrong."""
-    told = {"speed", "current", *(() if draw.family == "nsp-wheel" else ("current_command",))}
+    true: Any = load_protocol(draw.family)
+    told = {field.name for register in true.wire_map.readable() for field in register.fields}
     factors = {key: -1.0 for key in draw.turned if key[1] == "write" or key[0] in told}
     if draw.scale != 1.0:
-        factors["speed", "read"] = factors.get(("speed", "read"), 1.0) * draw.scale
+        for name in ("speed", *(("angle",) if draw.of_angle and "angle" in told else ())):
+            factors[name, "read"] = factors.get((name, "read"), 1.0) * draw.scale
     protocol = write_corrected_map(draw.family, factors, directory) if factors else None
     strong_A = (0.4 * 15.205 - 0.5863 + draw.coulomb) / draw.gain
     return Options(
@@ -340,11 +362,12 @@ def main() -> None:
             d = told.draw
             counts[told.verdict] += 1
             minutes += [told.wheel_minutes] if told.verdict == "right" else []
-            turned = "+".join(f"{name[:7]}.{way[0]}" for name, way in d.turned) or "-"
+            turned = "+".join(f"{name.removeprefix('current_')}.{way[0]}" for name, way in d.turned) or "-"
             tqdm.write(
-                f"{d.number:3d} {d.family:15s} k {d.gain:5.1f} c {d.coulomb:4.2f} scale {d.scale:6.3f} "
+                f"{d.number:3d} {d.family:18s} k {d.gain:5.1f} c {d.coulomb:4.2f} scale {d.scale:6.3f} "
                 f"turned {turned:30s} "
-                f"{d.noise_rpm:4.1f} rpm {d.baud:6d} {'tacho' if d.has_tachometer else '  -  '} {told.verdict:8s} "
+                f"{d.noise_rpm:4.1f} rpm {d.baud:6d} {'late' if d.delay_s else '  - '} "
+                f"{'tacho' if d.has_tachometer else '  -  '} {told.verdict:8s} "
                 f"{told.wheel_minutes:4.1f} min gain {told.gain_off:+.1%} top {told.fastest:.2f} {told.model} "
                 f"{told.reason[:150]}"
             )

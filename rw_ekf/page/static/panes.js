@@ -192,14 +192,27 @@ class Pane {
       const link = state.link || {};
       const lost = (link.timeouts || 0) + (link.damaged || 0) + (link.stale || 0);
       this.q(".link").textContent = link.state ? `line: ${link.state}, ${short(link.reply_ms)} ms a reply, ${lost} of ${link.requests || 0} lost, ${link.reconnects || 0} reconnections` : "";
-      const alarms = (state.alarms || []).map((alarm) => alarm.text);
-      const list = this.q(".alarms");
-      if (list.dataset.said !== JSON.stringify(alarms)) {
-        list.dataset.said = JSON.stringify(alarms);
-        list.replaceChildren(...alarms.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
-      }
     }
+    this.listAlarms(state);
     this.q(".play").hidden = this.q(".speed-label").hidden = Boolean(state && state.alive);
+  }
+
+  listAlarms(state) { // those that are on, or were when the run ended; a run that nobody watches has none to tell
+    const alarms = state && state.alarms, box = this.q(".alarms");
+    const said = JSON.stringify([alarms, Boolean(state && state.alive)]);
+    if (box.dataset.said === said) return; // else a screen reader would hear them again each second
+    box.dataset.said = said;
+    const count = alarms ? alarms.length : 0, when = state && state.alive ? "on" : "on at the end";
+    box.classList.toggle("on", count > 0);
+    box.querySelector("strong").textContent = !alarms ? "" : count ? `${count} alarm${count > 1 ? "s" : ""} ${when}` : `No alarm ${when}`;
+    box.querySelector("ul").replaceChildren(...(alarms || []).map((alarm) => {
+      const item = document.createElement("li"), button = document.createElement("button");
+      button.type = "button";
+      button.textContent = alarm.text;
+      if (alarm.since_s != null) button.addEventListener("click", () => this.see(alarm.since_s - 15, alarm.since_s + 15));
+      item.append(button);
+      return item;
+    }));
   }
 
   // What is drawn ------------------------------------------------------------------------------------------------
