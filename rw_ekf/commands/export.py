@@ -51,6 +51,25 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
+# Why the packets of other families than that of registers are not written down, and what there is instead.
+_OF_FAMILIES = {
+    "nsp": "what a reply of NSP holds is known to the driver, and not written down for others yet",
+    "can": "a CAN map's messages are those of its DBC, or of `messages` in it: give that to the ground system as it is",
+    "ascii": "lines of text have no fields of a fixed size, so its requests and replies are what there is to give",
+}
+
+
+def _why_not(name: str) -> str:
+    """What is so of a map that is none of registers."""
+    from rw_ekf.checking.yaml_loader import load_yaml
+    from rw_ekf.settings.resources import protocol_path
+
+    family = str(load_yaml(protocol_path(name)).data["family"])
+    why = _OF_FAMILIES.get(family)
+    text = f"XTCE and COSMOS are written of wire maps of registers alone, and this one is of the family {family}"
+    return f"{text}; {why} (docs/wire-protocol.md#for-ground-systems)" if why else text
+
+
 def _export_map(args: argparse.Namespace) -> int:
     from collections import Counter
     from pathlib import Path
@@ -67,7 +86,7 @@ def _export_map(args: argparse.Namespace) -> int:
     refuse_to_overwrite([args.out], [args.log])
     protocol = load_protocol(args.log)
     if not isinstance(protocol, DescribedProtocol):
-        raise BadInputError(f"{args.log}: wheels of this family have no packets of fields that could be written down")
+        raise BadInputError(f"{args.log}: {_why_not(args.log)}")
     counts = Counter((packet.is_command, packet.name) for packet in protocol.packets)
     twice = next((name for (_, name), count in counts.items() if count > 1), None)
     if twice is not None:

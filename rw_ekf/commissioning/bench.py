@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 from rw_ekf.attach.opening import opener
 from rw_ekf.clock import Clock
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
-from rw_ekf.driver import OPPOSITE, WheelProtocol
+from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.guard import SafetyLimits
@@ -21,6 +21,7 @@ from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Estimate, IssuedCommand, LinkState, Outcome, Reading, Tick, WheelSample, WheelState
 from rw_ekf.units import rpm_from_rad_s
+from rw_ekf.watch.opposite import OppositeTold
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 Move = Generator[float, WheelSample, None]
 _DEAD_AFTER_S = 3.0  # without an answer: a wheel that has gone, and no hiccup of the line
 _RUNS_AWAY = 2.0  # times the ceiling: it goes on faster though zero is written
-_OPPOSITE_FOR_CERTAIN = 5  # commands running that telemetry tells with the other sign
 
 NOT_CONFIRMED = (
     "the wheel did not confirm zero current: it may still carry its last one. Run `rw-ekf stop --config F`, or cut its "
@@ -81,7 +81,7 @@ class Bench:
         self.ceiling_rad_s = ceiling_rad_s
         self._claim = PortClaim(configuration.wheel.port, clock)
         self._live: LiveWheel | None = None
-        self._opposite = 0  # commands running
+        self._opposite = OppositeTold()
         self._began_s = 0.0
         self.lasted_s = 0.0
 
@@ -173,17 +173,10 @@ class Bench:
 
     def _hold_against(self, issued: IssuedCommand | None) -> None:
         """Raise where the sign of what is written is not that of what is told."""
-        if issued is not None and issued.reason == OPPOSITE:
-            self._opposite += 1
-        elif issued is not None and issued.acknowledged and issued.current_A != 0.0:
-            self._opposite = 0
-        if self._opposite >= _OPPOSITE_FOR_CERTAIN:
+        self._opposite.add(issued)
+        if self._opposite.is_certain:
             place = self._protocol.scale_places.get("current", self._configuration.wheel.protocol)
-            raise OppositeError(
-                "every current that is commanded is told by telemetry with the opposite sign, so that none counts as "
-                "taken: in the wire map the scale of current_command where it is written has the other sign than that "
-                f"of the current that is read. Turn the sign of one of the two; what is written stands in {place}"
-            )
+            raise OppositeError(self._opposite.text(place))
 
     def _look(self, reading: Reading) -> None:
         """Raise where the wheel is no longer there, or must not be driven on."""

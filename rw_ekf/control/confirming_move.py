@@ -131,7 +131,7 @@ class ConfirmingMove:
 
     def _is_decided(self) -> bool:
         """Whether the move ends here: wrong, at its longest, or after a pair of pulses with nothing left to learn."""
-        if self._watch.is_wrong or self.lasted_s >= self.longest_s - _EPSILON_S:
+        if self._watch.is_wrong or self._watch.opposite.is_certain or self.lasted_s >= self.longest_s - _EPSILON_S:
             return True
         if self._pulses % 2 == 1 or self._pulses == 0:  # the speed is back only after a pair
             return False

@@ -26,11 +26,12 @@ def confirming(
     step_rad_s: float,
     latch: Callable[[str], None],
     logger: Any,
+    place: str,
 ) -> Commander:
     """The commander behind the small move, where the configuration lets it move the wheel.
 
-    step_rad_s: of a reading (or noise). latch: holds zero, for a reason, until a person says resume. Only for a wheel
-    whose sign and gain were never confirmed.
+    step_rad_s: of a reading (or noise). place: where the scale of what is written stands in the wire map. latch: holds
+    zero, for a reason, until a person says resume. Only for a wheel whose sign and gain were never confirmed.
     """
     period_s = 1.0 / configuration.loop.rate_hz
     stands = configuration.command.profile == "zero" and not configuration.takes_torques
@@ -45,7 +46,7 @@ def confirming(
         watch,
         watch.expected,
         MoveLimits(limits.current_A, limits.slew_A_per_s, limits.speed_rad_s, period_s, step_rad_s),
-        lambda move: _say(move, watch, limits, latch, logger),
+        lambda move: _say(move, watch, limits, latch, logger, place),
     )
     logger.info(
         "confirming_sign",
@@ -56,7 +57,7 @@ def confirming(
 
 
 def _say(
-    move: ConfirmingMove, watch: SignWatch, limits: SafetyLimits, latch: Callable[[str], None], logger: Any
+    move: ConfirmingMove, watch: SignWatch, limits: SafetyLimits, latch: Callable[[str], None], logger: Any, place: str
 ) -> None:
     """Say how the move ended where the watch over the sign has not said it: right, wrong and odd are its own words.
 
@@ -65,7 +66,9 @@ def _say(
     if watch.is_settled:
         return
     expected = True
-    if watch.pieces > 0:
+    if watch.opposite.is_certain:
+        text = f"{watch.opposite.text(place)}."
+    elif watch.pieces > 0:
         text = (
             f"{move.lasted_s:.3g} s of pulses up to {move.current_A:.3g} A showed no motion that follows from them: is "
             "the speed reading the wheel's?"

@@ -107,9 +107,11 @@ def turns_of_run(
                 watches.states.latch(oversight.begin_safe)
             commander, compensating = compensated(commander, configuration, start, requests, watches.sign, logger)
             if commander is not None and not watches.sign.confirmed:
+                place_of_current = protocol.scale_places.get("current", configuration.wheel.protocol)
                 commander = confirming(
-                    commander, configuration, watches.sign_watch, watches.step_rad_s, watches.states.latch, logger
-                )
+                    commander, configuration, watches.sign_watch, watches.step_rad_s, watches.states.latch, logger,
+                    place_of_current,
+                )  # fmt: skip
             run = replace(
                 _context(configuration, files, start, watches, live, logger, clock),
                 total_s=_lasts_s(task.duration_s, commander),

@@ -29,6 +29,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, Tick, WheelSample
+from rw_ekf.watch.opposite import OppositeTold
 
 PIECE_S = 0.5
 LONGEST_STEP_S = 5.0  # a longer interval between readings is a gap
@@ -69,6 +70,7 @@ class SignWatch:
         self._nis = 1.0
         self._skipped = False
         self.pieces = 0
+        self.opposite = OppositeTold()
         self._last: WheelSample | None = None
         self._command: IssuedCommand | None = None
         self._in_force_A: float | None = None
@@ -141,6 +143,7 @@ class SignWatch:
         """Take one turn of the loop."""
         last, sample = self._last, tick.sample
         following, self._command = self._command, tick.command
+        self.opposite.add(tick.command)
         if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known nevertheless
             if last is not None and following is not None:
                 self._current_over(sample.time_s - self._at_s, following)

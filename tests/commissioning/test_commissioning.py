@@ -60,10 +60,10 @@ def broken_off(tmp_path_factory: pytest.TempPathFactory) -> BrokenOff:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [0, 1, 8, 14])
 def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
-    """Either family, a scale wrong by 60/2 pi or ten, a current's sign turned: the model is the true wheel's."""
-    draw = draw_wheel(number, seed=1)
+    """Registers, NSP, text, ODrive: a scale wrong by 60/2 pi, two or ten, signs turned; the model is the wheel's."""
+    draw = draw_wheel(number, seed=3)
     assert draw.scale != 1.0
     assert draw.turned
     told = carry_out(draw)
@@ -92,6 +92,18 @@ def test_a_wheel_whose_telemetry_bears_commands_out_is_commissioned_through_a_me
     """
     told = carry_out(replace(USUAL, family=family, scale=scale, turned=turned))
     assert told.verdict == "right", told.reason
+
+
+@pytest.mark.parametrize("family", ["ascii-wheel", "odrive-ascii-wheel"])
+def test_a_slow_line_of_text_is_waited_for(tmp_path: Path, family: str) -> None:
+    """At 9600 baud: one reply of more than 40 ms with its bytes, or five for a sample, so that the loop has 2 Hz."""
+    clock = VirtualClock()
+    with StopSignal() as stop:
+        made = rig(replace(USUAL, family=family, baud=9600), tmp_path, clock, stop)
+        clock.at(60.0, lambda: stop.request("SIGTERM"))
+        with pytest.raises(Stopped):
+            commission(made.work)
+    assert made.work.progress["still"] is not None
 
 
 @pytest.mark.slow

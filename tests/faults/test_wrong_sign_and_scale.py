@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.units import RAD_S_PER_RPM
@@ -173,3 +174,23 @@ def test_the_profile_s_own_time_begins_after_the_move(tmp_path: Path) -> None:
 def confirmed_and_whole(ran: Ran) -> bool:
     """Whether the sign was confirmed and nothing is missing from the run."""
     return ran.outcome.start["sign_confirmed"] is True and not ran.outcome.unwritten
+
+
+@pytest.mark.parametrize("access", ["write", "read"])
+@pytest.mark.parametrize("family", [FAMILIES[2]], indirect=True)
+@pytest.mark.usefixtures("family")
+def test_a_sign_of_one_side_of_the_command_is_named_and_not_the_speed(tmp_path: Path, access: str) -> None:
+    """Row 19, where telemetry must bear a command out: SAFE for what is known, within the first pulse.
+
+    On a CAN bus nothing then counts as taken, so that no motion follows from it; that says nothing about the speed.
+    """
+    wheel = LineWheel(tmp_path)
+    protocol = write_corrected_map(FAMILY.get(), {("current_command", access): -1.0}, tmp_path)
+    ran = wheel.run(30.0, wheel={"protocol": protocol}, limits={"current_A": 0.3, "silence_s": 0.5})
+    (text,) = said(ran, "sign_not_confirmed")
+    assert text.startswith("every current that is commanded is told by telemetry with the opposite sign")
+    assert "speed" not in text
+    assert ran.outcome.state.state.value == "SAFE"
+    assert ran.outcome.state.reason in text
+    assert 0.0 < max(map(abs, wheel.written_A)) < 0.15
+    assert set(wheel.written_A[40:]) == {0.0}

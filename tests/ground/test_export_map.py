@@ -223,10 +223,15 @@ def test_frames_of_a_served_wheel_are_decoded(tmp_path: Path) -> None:
 
 
 def test_what_has_no_such_packets_or_no_map_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A family that is not described, a name that is none, the map itself in the way: one sentence, status 2."""
+    """A family that is not described, and why; no such name; the map itself in the way: one sentence, status 2."""
     out = str(tmp_path / "wheel.xml")
-    assert main(["export", "nsp-wheel", out]) == 2
-    assert "nsp-wheel: wheels of this family have no packets" in capsys.readouterr().err
+    for name, said in (
+        ("nsp-wheel", "NSP holds is known to the driver"), ("can-wheel", "its DBC"), ("ascii-wheel", "lines of text")
+    ):  # fmt: skip
+        assert main(["export", name, out]) == 2
+        told = capsys.readouterr().err
+        assert f"{name}: XTCE and COSMOS are written of wire maps of registers alone" in told
+        assert said in told
     assert main(["export", "no-such-map", out]) == 2
     assert "no-such-map" in capsys.readouterr().err
     own = tmp_path / "map.txt"

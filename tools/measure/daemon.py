@@ -1,23 +1,29 @@
 """Measure the daemon: a simulated wheel on a pty, 10 Hz, ten minutes; lateness, processor share, memory.
 
 python -m tools.measure.daemon [--minutes 10] [--output '{mcap: true, prometheus: "127.0.0.1:9464", influx: file}']
+python -m tools.measure.daemon --minutes 2 --clients 100      that watch the page of the run
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import yaml
 from tqdm import tqdm
+
+from tools.measure.page_clients import Clients
 
 COMMAND = [sys.executable, "-m", "rw_ekf"]
 CONFIGURATION = """\
@@ -33,6 +39,7 @@ def main() -> int:
     """Run and print the figures beside their marks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--clients", type=int, help="that watch its page (run --view); without: there is no page")
     parser.add_argument("--output", type=yaml.safe_load, default={}, help="further keys of `output`, as YAML")
     args = parser.parse_args()
     minutes = args.minutes
@@ -46,7 +53,7 @@ def main() -> int:
         try:
             assert wheel.stdout is not None
             wheel.stdout.readline()
-            document, usage = _run(config, 60.0 * minutes)
+            document, usage = _run(config, 60.0 * minutes, args.clients)
         finally:
             wheel.send_signal(signal.SIGTERM)
             wheel.wait(timeout=10)
@@ -54,21 +61,22 @@ def main() -> int:
     return 0
 
 
-def _run(config: Path, seconds: float) -> tuple[dict[str, Any], list[tuple[float, float, int]]]:
+def _run(config: Path, seconds: float, clients: int | None) -> tuple[dict[str, Any], list[tuple[float, float, int]]]:
     """Run the daemon; its document, and (time [s], processor time [s], resident memory [KiB]) every few seconds."""
+    view = [] if clients is None else ["--view", "127.0.0.1:0"]
     process = subprocess.Popen(
-        [*COMMAND, "run", "--config", str(config), "--duration", str(seconds), "--json"],
+        [*COMMAND, "run", "--config", str(config), "--duration", str(seconds), "--json", *view],
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL if clients is None else subprocess.PIPE,
         text=True,
     )
     usage: list[tuple[float, float, int]] = []
     began = time.monotonic()
-    with tqdm(total=round(seconds), unit="s", disable=None) as bar:
+    with _watching(process, clients), tqdm(total=round(seconds), unit="s", disable=None) as bar:
         while process.poll() is None:
             at = time.monotonic() - began
             if at < seconds - 1.0:  # what it does after the last sample is not the loop
-                usage.append((at, _processor_s(process.pid), _resident_kib(process.pid)))
+                usage.append((at, processor_s(process.pid), resident_kib(process.pid)))
             bar.update(round(at) - bar.n)
             time.sleep(2.0)
     assert process.stdout is not None
@@ -78,12 +86,28 @@ def _run(config: Path, seconds: float) -> tuple[dict[str, Any], list[tuple[float
     return document, usage
 
 
-def _processor_s(pid: int) -> float:
+@contextlib.contextmanager
+def _watching(process: subprocess.Popen[str], clients: int | None) -> Iterator[None]:
+    """So many clients on the page of a run; its other words are thrown away."""
+    if clients is None:
+        yield
+        return
+    assert process.stderr is not None
+    address = next(line for line in process.stderr if line.startswith("http"))
+    threading.Thread(target=process.stderr.read, daemon=True).start()
+    time.sleep(2.0)  # the run has begun its log
+    with Clients(address, clients):
+        yield
+
+
+def processor_s(pid: int) -> float:
+    """Processor time that a process has taken [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
 
 
-def _resident_kib(pid: int) -> int:
+def resident_kib(pid: int) -> int:
+    """Resident memory of a process [KiB]."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1])
