@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +152,7 @@ class RunFeed:
         models = self.models()
         kept = models.get("now", models.get("began"))
         now = friction_curve(kept, top_rad_s, believed) if kept else None
-        began = friction_curve(models["began"], top_rad_s) if "began" in models else None
+        began = _begun_curve(models["began"], top_rad_s, self.model_times()) if "began" in models else None
         found = {name: curve for name, curve in (("began", began), ("now", now)) if curve}
         return {"kind": "curve", **found} if found else None
 
@@ -191,6 +192,16 @@ class RunTail:
         new = events[self._events :] if len(events) < _MOST_EVENTS else events[-1:]
         self._events = len(events)
         return new
+
+
+def _begun_curve(model: Path, top_rad_s: float, times: Mapping[str, int]) -> dict[str, Any] | None:
+    """As `friction_curve`, which is the same again and again of a model that a run began with."""
+    return _kept_curve(model, top_rad_s, times.get(str(model)))
+
+
+@lru_cache(maxsize=16)
+def _kept_curve(model: Path, top_rad_s: float, written_ns: int | None) -> dict[str, Any] | None:
+    return friction_curve(model, top_rad_s)
 
 
 def friction_curve(model: Path, top_rad_s: float, believed: Believed | None = None) -> dict[str, Any] | None:

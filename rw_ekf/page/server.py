@@ -27,14 +27,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from rw_ekf.errors import BadInputError
-from rw_ekf.page.run_feed import POINTS, Believed, RunFeed, believed_of, runs_in
+from rw_ekf.page.run_feed import POINTS, Believed, RunFeed, RunTail, believed_of, runs_in
 from rw_ekf.page.run_report import Reports
 
 STATIC = Path(__file__).parent / "static"
 _FILES = {"page.js": "text/javascript", "panes.js": "text/javascript", "page.css": "text/css",
           "uPlot.iife.min.js": "text/javascript", "uPlot.min.css": "text/css"}  # fmt: skip
-_LOOK_S, _STATE_S, _CURVE_S = 0.2, 1.0, 5.0
-_QUEUE = 64  # messages a client may be behind: 13 s
+_LOOK_S, _STATE_S, _CURVE_S = 0.5, 1.0, 5.0  # of each look most is the waking of threads and clients
+_QUEUE = 64  # messages a client may be behind: some 20 s
 _OVER = b""  # the last message
 _MOST_CLIENTS = 200
 _MOST_POINTS = 20_000
@@ -150,29 +150,37 @@ class Watcher:
         drawn = believed
         looks, per_state, per_curve = 0, round(_STATE_S / _LOOK_S), round(_CURVE_S / _LOOK_S)
         while self.clients:
-            rows = await run_in_threadpool(tail.look)
+            with_state, with_curve = looks % per_state == 0, looks % per_curve == 0
+            rows, state, now = await run_in_threadpool(self._looked, tail, with_state, with_curve)
+            news: list[dict[str, Any]] = []
             if any(rows[key] for key in ("log", "estimates", "events")):
-                self._tell(rows)
+                news.append(rows)
                 believed = believed | believed_of(rows["estimates"])
                 speeds = [abs(speed) for speed in rows["log"].get("speed_rad_s", ()) if speed is not None]
                 self.top_rad_s = max(self.top_rad_s, 1.1 * max(speeds, default=0.0))
-            if looks % per_state == 0 and (state := await run_in_threadpool(self._feed.state)) is not None:
-                self._tell(state)
-            if looks % per_curve == 0:
-                now = await run_in_threadpool(self._feed.model_times)
+            if state is not None:
+                news.append(state)
+            if with_curve:
                 if now != models:
-                    self._tell({"kind": "models"})
+                    news.append({"kind": "models"})
                     models = now
                 elif believed != drawn:  # the model's file is up to a minute old
                     drawn = believed
                     if (curve := await run_in_threadpool(self._feed.curve, self.top_rad_s, believed)) is not None:
-                        self._tell(curve)
+                        news.append(curve)
+            self._tell(*news)
             looks += 1
             await asyncio.sleep(_LOOK_S)
 
-    def _tell(self, message: dict[str, Any]) -> None:
-        data = _event(message)
-        for queue in self.clients:
+    def _looked(self, tail: RunTail, with_state: bool, with_times: bool) -> tuple[dict[str, Any], Any, Any]:
+        """New rows, and what else is due: in one go, for a thread that is woken costs more than what it does here."""
+        feed = self._feed
+        return tail.look(), feed.state() if with_state else None, feed.model_times() if with_times else None
+
+    def _tell(self, *messages: dict[str, Any]) -> None:
+        """Of one look: sent as one, so that each client is woken once."""
+        data = b"".join(map(_event, messages))
+        for queue in self.clients if messages else ():
             if queue.full():
                 _put(queue, _event({"kind": "behind"}))
             else:
@@ -191,15 +199,18 @@ class _Answers:
 
     def __init__(self, place: Place, access: Access) -> None:
         self._place, self._access = place, access
+        self._files = {
+            name: (STATIC / name).read_bytes() for name in ("page.html", *_FILES)
+        }  # 90 kB: asked for at once
 
     async def page(self, request: Request) -> Response:
         """The page itself."""
-        return FileResponse(STATIC / "page.html", media_type="text/html")
+        return Response(self._files["page.html"], media_type="text/html")
 
     async def static(self, request: Request) -> Response:
         """A file of the page."""
         name = request.path_params["name"]
-        return FileResponse(STATIC / name, media_type=_FILES[name]) if name in _FILES else _refusal(404, "no such file")
+        return Response(self._files[name], media_type=_FILES[name]) if name in _FILES else _refusal(404, "no such file")
 
     async def runs(self, request: Request) -> Response:
         """Names of all runs, the newest first."""
@@ -296,7 +307,8 @@ async def _messages(watcher: Watcher) -> AsyncIterator[bytes]:
         while message != _OVER:
             yield message
             try:
-                message = await asyncio.wait_for(queue.get(), 15.0)
+                async with asyncio.timeout(15.0):
+                    message = await queue.get()
             except TimeoutError:
                 message = b": still here\n\n"
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import importlib
 import os
 import socket
+import threading
+import time
 from collections.abc import Callable
 
 import uvicorn
@@ -15,6 +19,11 @@ from rw_ekf.page.server import Access, Place, page_app
 _NICE = 10  # the run and its loop come first
 _BACKLOG = 64
 _LOOK_S = 0.05
+_TICK_S = 0.2  # between two looks for a signal; uvicorn's own 0.1 s take 0.5 % of a core
+# What a history (the first) and a curve are made with: 0.3 and 1.1 s of processor time to load, that the first page
+# waited for.
+_LOAD_AFTER_S = 2.0  # what only the curve needs: it would come in the way of a first page that is opened at once
+_LOADED_AHEAD = ("rw_ekf.logs.reader", "rw_ekf.wheel.model_file", "rw_ekf.starting_point", "rw_ekf.filter.estimator")
 
 
 def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> None:
@@ -28,6 +37,7 @@ def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> 
         ) from None
     place.stopper.submit(os.getpid).result()  # its thread begins before the others are made to wait for the run
     os.nice(_NICE)  # on Linux of this thread, and of those and the processes that it starts
+    threading.Thread(target=_load_ahead, name="load ahead", daemon=True).start()
     access = Access.of(host)
     shown = f"[{host}]" if ":" in host else host
     told(f"http://{shown}:{listening.getsockname()[1]}/#token={access.token}")
@@ -41,6 +51,15 @@ def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> 
         place.close()
 
 
+def _load_ahead() -> None:
+    """While nobody has asked yet; a module that cannot be loaded is told to who asks for what it makes."""
+    for number, name in enumerate(_LOADED_AHEAD):
+        if number == 1:
+            time.sleep(_LOAD_AFTER_S)
+        with contextlib.suppress(Exception):
+            importlib.import_module(name)
+
+
 class _Server(uvicorn.Server):
     """One that a signal ends; not before who asked for a stop has the answer: that ends the run, and so the page."""
 
@@ -50,7 +69,10 @@ class _Server(uvicorn.Server):
 
     async def main_loop(self) -> None:
         """Serve until a signal, and until no stop is waited for."""
-        await super().main_loop()
+        ticks = 0  # of tenths of a second, as uvicorn counts them: at each tenth one it makes the date of its answers
+        while not await self.on_tick(ticks):
+            await asyncio.sleep(_TICK_S)
+            ticks = (ticks + 2) % 10
         while self._place.stopping:
             await asyncio.sleep(_LOOK_S)
         self._place.close()  # here, for behind this a signal ends the process at once

@@ -134,11 +134,12 @@ def test_a_watcher_tells_the_curve_as_it_is_learned(run: RunOnDisk, monkeypatch:
     async def told() -> dict[str, Any]:
         async with Watcher(RunFeed(run.log)).client() as queue:
             while True:
-                message = json.loads((await asyncio.wait_for(queue.get(), 60.0)).decode()[6:])
-                if message["kind"] == "models":
-                    run.add(200)
-                if message["kind"] == "curve":
-                    return dict(message)
+                for event in (await asyncio.wait_for(queue.get(), 60.0)).decode().split("\n\n")[:-1]:
+                    message = json.loads(event.removeprefix("data: "))
+                    if message["kind"] == "models":
+                        run.add(200)
+                    if message["kind"] == "curve":
+                        return dict(message)
 
     curve = asyncio.run(told())
     assert curve["now"]["speed_rad_s"][-1] == pytest.approx(44.0, abs=1.0)

@@ -6,6 +6,7 @@ https://chromedevtools.github.io/devtools-protocol/ : messages of JSON, each end
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -62,8 +63,10 @@ class Browser:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """End it."""
-        self._process.terminate()
+        """End it; what it still writes into its profile is over then."""
+        self._session = None
+        with contextlib.suppress(OSError, RuntimeError, TimeoutError):
+            self.call("Browser.close")
         try:
             self._process.wait(10.0)
         except subprocess.TimeoutExpired:

@@ -1,6 +1,6 @@
 """Measure the page: how soon it is seen, what its server costs, and whether a day of rows leaves memory as it was.
 
-python -m tools.measure.page paint RUNS [--loads 5]      of a folder of runs: a cold server each time, then a warm one
+python -m tools.measure.page paint RUNS [--loads 5] [--after 0]      of a server that began so long ago [s], and again
 python -m tools.measure.page clients [--clients 20] [--seconds 60]      processor share while 10 rows a second come
 python -m tools.measure.page day RUNS [--hours 24] [--minutes 10]      the rows of so many hours in so many minutes
 
@@ -34,6 +34,7 @@ from tools.measure.page_clients import Clients
 
 VIEW = [sys.executable, "-m", "rw_ekf", "view"]
 PERIOD_S = 0.1
+_SETTLED = 200  # rows until all are connected, and what the server loads ahead is loaded
 _BATCH = 20  # rows that a run at a multiple of its speed writes at once
 _FIRST_CHART = """new MutationObserver((_, watch) => { if (document.querySelector(".chart canvas")) {
   requestAnimationFrame(() => { window.chartAt = performance.now(); }); watch.disconnect(); } })
@@ -87,24 +88,41 @@ def viewed(folder: Path) -> Iterator[tuple[int, str]]:
             server.terminate()
 
 
-def paint(folder: Path, loads: int) -> None:
-    """First paint and first chart, behind the navigation [ms]: of a server just started, and of one in use."""
-    found: dict[str, list[tuple[float, float]]] = {"cold": [], "warm": []}
+def paint(folder: Path, loads: int, after_s: float) -> None:
+    """First paint and first chart, behind the navigation: of a server that nobody has asked yet, and of one in use.
+
+    With the processor time until then of server and page, which other programs on the machine do not lengthen.
+    """
+    found: dict[str, list[tuple[float, ...]]] = {"cold": [], "warm": []}
     for _ in range(loads):
-        with tempfile.TemporaryDirectory() as profile, Browser(Path(profile)) as browser:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, Browser(Path(profile)) as browser:
             browser.call("Page.addScriptToEvaluateOnNewDocument", source=_FIRST_CHART)
-            with viewed(folder) as (_, address):
+            browser.call("Performance.enable", timeDomain="threadTicks")
+            with viewed(folder) as (pid, address):
+                time.sleep(after_s)
                 for rows in found.values():
                     browser.open("about:blank")
+                    began_s, drawn_s = processor_s(pid), _drawing_s(browser)
                     browser.open(address)
-                    chart = browser.until("window.chartAt")
-                    rows.append((browser.value(_PAINTED), chart))
+                    times = browser.until(_TIMES)
+                    rows.append((*times, 1e3 * (processor_s(pid) - began_s), 1e3 * (_drawing_s(browser) - drawn_s)))
     for kind, rows in found.items():
-        painted, charts = zip(*rows, strict=True)
-        print(f"{kind}: first paint {_spread(painted)} ms, first chart {_spread(charts)} ms")
+        painted, charts, server, page = zip(*rows, strict=True)
+        print(
+            f"{kind}: first paint {_spread(painted)} ms, first chart {_spread(charts)} ms; processor time of the "
+            f"server {_spread(server)} ms, of the page {_spread(page)} ms"
+        )
 
 
-_PAINTED = "performance.getEntriesByName('first-contentful-paint')[0].startTime"
+_TIMES = """(() => { const seen = performance.getEntriesByName("first-contentful-paint")[0];
+  return seen && window.chartAt ? [seen.startTime, window.chartAt] : null; })()"""
+
+
+def _drawing_s(browser: Browser) -> float:
+    """Processor time of the page's main thread."""
+    return {one["name"]: float(one["value"]) for one in browser.call("Performance.getMetrics")["metrics"]}[
+        "TaskDuration"
+    ]
 
 
 def clients(source: Path, count: int, seconds: float) -> None:
@@ -115,10 +133,10 @@ def clients(source: Path, count: int, seconds: float) -> None:
         with viewed(again.log.parent) as (pid, address), Clients(address, count) as listening:
             began_s, used_s = 0.0, 0.0
             for number in itertools.count():
-                if number == 50:  # all are connected, everything is loaded
+                if number == _SETTLED:
                     began_s, used_s = time.monotonic(), processor_s(pid)
                     listening.bytes = 0
-                if number > 50 and time.monotonic() - began_s > seconds:
+                if number > _SETTLED and time.monotonic() - began_s > seconds:
                     break
                 again.add(1)
                 time.sleep(PERIOD_S)
@@ -131,7 +149,7 @@ def clients(source: Path, count: int, seconds: float) -> None:
 def day(source: Path, hours: float, minutes: float) -> None:
     """Resident memory of the server and the page's heap, every so often, while a run of so many hours grows."""
     rows, every = round(3600.0 * hours / PERIOD_S), 60.0 * minutes / (hours * 3600.0 / PERIOD_S / _BATCH)
-    with tempfile.TemporaryDirectory() as name, Browser(Path(name) / "profile") as browser:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, Browser(Path(name) / "profile") as browser:
         again = RunAgain(source, Path(name) / "runs")
         again.add(_BATCH)
         with viewed(again.log.parent) as (pid, address):
@@ -170,13 +188,14 @@ def main() -> None:
     parser.add_argument("what", choices=("paint", "clients", "day"))
     parser.add_argument("runs", type=Path)
     parser.add_argument("--loads", type=int, default=5)
+    parser.add_argument("--after", type=float, default=0.0)
     parser.add_argument("--clients", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--minutes", type=float, default=10.0)
     args = parser.parse_args()
     if args.what == "paint":
-        paint(args.runs, args.loads)
+        paint(args.runs, args.loads, args.after)
     elif args.what == "clients":
         clients(runs_in(args.runs)[0], args.clients, args.seconds)
     else:
