@@ -72,6 +72,7 @@ FAMILIES = (
     Family("can-wheel", bauds=(57600, 115200, 230400)),  # below, an adapter cannot pass its cycle of 10 ms on
     Family("ascii-wheel"),
     Family("odrive-ascii-wheel", usual_gain=100.0),  # per N m: a rotor of 0.01 kg m^2; the map carries 1 N m
+    Family("vesc-wheel"),
 )
 SCALES = (1.0, 1.0, 60.0 / (2.0 * math.pi), 2.0 * math.pi / 60.0, 2.0, 0.5, 10.0, 0.1)
 TURNED: tuple[tuple[tuple[str, str], ...], ...] = (
