@@ -74,7 +74,10 @@ def fitted_to_all(fit: Fit, told: Fit, prepared: Prepared, log: LongLog) -> Whol
         if sums is None:
             return None
         parts = sums.scores.shape[0]
-        inverse = np.linalg.inv(sums.information + W.T @ W)
+        try:
+            inverse = np.linalg.inv(sums.information + W.T @ W)
+        except np.linalg.LinAlgError:
+            return None
         inverse = 0.5 * (inverse + inverse.T)
         step = inverse @ (sums.scores.sum(axis=0) + W.T @ (aim - W @ model.vector))
         model = model.with_vector(model.vector + model.limited(step))
@@ -111,12 +114,12 @@ def _is_said_by_parts(fit: Fit, told: Fit, prepared: Prepared) -> bool:
 
 
 def _sums(fit: Fit, model: Model, prepared: Prepared, log: LongLog) -> _Sums | None:
-    """Go through the log once; None where a part of it teaches nothing that can be computed."""
+    """Go through the log once, but for parts without a reading; None where what one teaches cannot be computed."""
     size = model.vector.size
     scores, information = [], np.zeros((size, size))
     for part in log.parts():
         course, inside = _course_of(part, prepared)
-        if int(np.count_nonzero(inside)) < 2:
+        if not np.any(np.isfinite(course.speed_rad_s[inside])):
             continue
         found = _score(fit, model, Record.of(course, inside, fit.linearised.record.constants), inside)
         if found is None:
@@ -162,7 +165,5 @@ def _score(fit: Fit, model: Model, record: Record, inside: BoolArray) -> tuple[F
         followed = linearise(record, model, trajectory, noise, omit, with_jacobian=False)
         trajectory = smoothed_trajectory(followed, none, noise)
     linearised = linearise(record, model, trajectory, noise, omit)
-    sums, _, count = linearised.whitened_sums(noise.ratio, noise.variance, linearised.jacobian, None)
-    if count == 0 or not np.all(np.isfinite(sums)):
-        return None
-    return sums[:-1, -1], sums[:-1, :-1]
+    sums, _, _ = linearised.whitened_sums(noise.ratio, noise.variance, linearised.jacobian, None)
+    return (sums[:-1, -1], sums[:-1, :-1]) if np.all(np.isfinite(sums)) else None

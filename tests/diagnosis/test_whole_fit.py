@@ -101,6 +101,21 @@ def test_a_wheel_that_changes_between_parts_is_told_and_its_sigmas_are_wider(tmp
     assert "the wheel was not the same all the time" in wandering(found)[0]
 
 
+@pytest.mark.slow
+def test_parts_without_a_reading_are_passed_over(tmp_path: Path, small_parts: None) -> None:
+    """Three runs whose tachometer was off, and one that has five readings: the others' numbers are the wheel's."""
+    runs = [plant_columns("identification", seed=seed) for seed in range(1, RUNS + 1)]
+    for number, kept in ((6, 0), (7, 0), (8, 0), (10, 5)):
+        runs[number]["speed_rad_s"][kept:] = np.nan
+    log = read_log_or_excerpt(write_runs(tmp_path / "log.parquet", runs))
+    prepared = prepare(source_of([log]), None, None, "blocks")
+    assert log.whole is not None
+    found = fitted_to_all(prepared.base, prepared.base, prepared, log.whole)
+    assert found is not None
+    assert found.parts == RUNS - 3
+    assert np.all(np.abs(found.fit.model.vector - TRUE) < 4.0 * found.fit.std)
+
+
 def test_what_a_part_alone_cannot_say_is_left_as_it_was(long: Long, monkeypatch: pytest.MonkeyPatch) -> None:
     """A bristle, a lag, a drift by the log's own clock: the log is not even read."""
     monkeypatch.setattr(whole_fit, "_sums", None)
