@@ -70,6 +70,7 @@ def test_numbers_of_all_parts_are_the_wheels_and_known_better_than_by_the_stretc
     assert np.all(np.abs(off) < 4.0), off
     share = np.sqrt(long.prepared.kept.sum() / len(long.whole))
     assert np.all(found.fit.std[:3] < 1.5 * share * base.std[:3])
+    assert found.fit.std[3] == pytest.approx(base.std[3])  # a ramp passes it between the same two steps each time
     assert np.all(found.scatter < 2.0)
 
 
