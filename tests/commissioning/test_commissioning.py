@@ -60,10 +60,13 @@ def broken_off(tmp_path_factory: pytest.TempPathFactory) -> BrokenOff:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 1, 8, 14])
-def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
+@pytest.mark.parametrize(
+    ("number", "family"), [(0, "sunspace-wheel"), (1, "nsp-wheel"), (9, "ascii-wheel"), (10, "odrive-ascii-wheel")]
+)
+def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int, family: str) -> None:
     """Registers, NSP, text, ODrive: a scale wrong by 60/2 pi, two or ten, signs turned; the model is the wheel's."""
     draw = draw_wheel(number, seed=3)
+    assert draw.family == family
     assert draw.scale != 1.0
     assert draw.turned
     told = carry_out(draw)
@@ -75,8 +78,7 @@ def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
 @pytest.mark.parametrize(
     ("family", "scale", "turned"),
     [
-        ("can-wheel", 2.0, ()),
-        ("can-wheel", 1.0, (("speed", "read"),)),
+        ("can-wheel", 2.0, (("speed", "read"),)),
         ("can-wheel", 1.0, (("current_command", "write"),)),
         ("can-wheel", 1.0, (("current_command", "read"),)),
         ("vesc-wheel", 2.0, (("current_command", "write"),)),
