@@ -76,19 +76,15 @@ class _CompileToLink(Compiler):
 
 
 class _CompileApart(Compiler):
-    """The same into machine code, of arrays that share no memory: what was read stays read when another is written."""
+    """numba's compiler, for arrays that share no memory: what was read of one stays read when another is written."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.state.flags.noalias = True
 
 
-class _CompileApartToLink(_CompileToLink):
-    """Both."""
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self.state.flags.noalias = True
+class _CompileApartToLink(_CompileToLink, _CompileApart):
+    """Both: such arrays, into a library that is only linked."""
 
 
 def make_jitable(functions: list[Callable[..., Any]], *, inlined: bool = False, apart: bool = False) -> None:

@@ -146,7 +146,9 @@ class RegisterServer:
         if register is None:
             return UNKNOWN_ID
         refusal = self._spoilt.refusal(register.name, self.plant.time_s)
-        done = self._write(register, frame.data) if refusal is None or refusal.acts else UNKNOWN_ID
+        if refusal is not None and not refusal.acts:
+            return refusal.status
+        done = self._write(register, frame.data)
         if done == OK:
             self._commanded_s = self.plant.time_s
         return done if refusal is None else refusal.status

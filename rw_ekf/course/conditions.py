@@ -13,13 +13,18 @@ _LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as l
 
 def filled(values: Float64Array, otherwise: float) -> tuple[Float64Array, bool]:
     """A channel with its gaps filled by the value before, and whether it was logged at all."""
-    good = np.isfinite(values)
-    if good.mean() < _LEAST_LOGGED:
+    if np.isfinite(values).mean() < _LEAST_LOGGED:
         return np.full(values.size, otherwise), False
+    return held_over(values), True
+
+
+def held_over(values: Float64Array) -> Float64Array:
+    """Values (n,), each gap filled by the one before it, or the first; not all may be missing."""
+    good = np.isfinite(values)
     last = np.maximum.accumulate(np.where(good, np.arange(values.size), 0))
-    out = values[last]
+    out: Float64Array = values[last]
     out[~np.isfinite(out)] = values[good][0]
-    return out, True
+    return out
 
 
 def integrated_angle(course: Course, reference: Float64Array) -> Float64Array:

@@ -5,9 +5,9 @@ information H_p along its own smoothed trajectory. Added up they are a Gauss-New
 
     x <- x + (sum H_p + W'W)^-1 (sum s_p + W'(aim - W x)),                       (docs/likelihood.md eq. 15)
 
-which is the likeliest of all readings after two, for the start is as good as a fit to
-50,000 of them. What the parts say differs by more than their noise where a wheel is not the same for days: their
-scores are independent, so that their own scatter tells how well the numbers are known (Huber's and White's sandwich),
+which is the likeliest of all readings after two, for the start is as good as a fit to 50,000 of them. What the parts
+say differs by more than their noise where a wheel is not the same for days: their scores are independent, so that their
+own scatter tells how well the numbers are known (Huber's and White's sandwich),
 
     C = H^-1 [P / (P - 1) sum (s_p - mean)(s_p - mean)'] H^-1.                                                (eq. 16)
 """
@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array, by_identity
-from rw_ekf.course.conditions import filled_columns
+from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.conditions import filled_columns, held_over
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.prepare.preparation import Prepared
@@ -39,7 +39,6 @@ _SETTLING_TURNS = 2  # of a trajectory, from that of the filter to the likeliest
 _LEAST_PARTS = 8  # of whose scatter a variance is made: that of eight is known to a half of itself
 
 
-@by_identity
 @dataclass(eq=False, frozen=True)
 class WholeFit:
     """A fit, its numbers and how well they are known those of all of the log; its trajectory that of the stretches."""
@@ -49,7 +48,6 @@ class WholeFit:
     scatter: Float64Array  # (p,) of what parts say, in what their noise explains: 1 for a wheel that stays as it is
 
 
-@by_identity
 @dataclass(eq=False, frozen=True)
 class _Sums:
     """Scores (P, p) of the parts at one model, and the sum of their information (p, p)."""
@@ -72,13 +70,12 @@ def fitted_to_all(fit: Fit, told: Fit, prepared: Prepared, log: LongLog) -> Whol
     """
     if not _is_said_by_parts(fit, told, prepared):
         return None
-    model, parts = fit.model, 0
+    model = fit.model
     W, aim = (np.zeros((0, model.vector.size)), np.zeros(0)) if fit.prior is None else prior_rows(fit.prior, model)
     for _ in range(_TURNS):
         sums = _sums(fit, model, prepared, log)
         if sums is None:
             return None
-        parts = sums.scores.shape[0]
         try:
             inverse = np.linalg.inv(sums.information + W.T @ W)
         except np.linalg.LinAlgError:
@@ -90,7 +87,7 @@ def fitted_to_all(fit: Fit, told: Fit, prepared: Prepared, log: LongLog) -> Whol
             break
     else:
         return None
-    known = np.sqrt(np.diag(inverse))
+    parts, known = sums.scores.shape[0], np.sqrt(np.diag(inverse))
     scatter, covariance = np.ones(known.size), inverse
     if parts >= _LEAST_PARTS:
         apart = sums.scores - sums.scores.mean(axis=0)
@@ -153,13 +150,8 @@ def _course_of(part: LogPart, prepared: Prepared) -> tuple[Course, BoolArray]:
 
 
 def _held(values: Float64Array, otherwise: float, *, logged: bool) -> Float64Array:
-    """A channel (n,), each gap filled by the value before it, or the first; `otherwise` where there is none."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not logged or known.size == 0:
-        return np.full(values.size, otherwise)
-    at = np.searchsorted(known, np.arange(values.size), side="right") - 1
-    filled: Float64Array = values[known[np.maximum(at, 0)]]
-    return filled
+    """A channel (n,) of a part without gaps, however few values the part has, if the log has it; else `otherwise`."""
+    return held_over(values) if logged and np.isfinite(values).any() else np.full(values.size, otherwise)
 
 
 def _score(fit: Fit, model: Model, record: Record, inside: BoolArray) -> tuple[Float64Array, Float64Array] | None:

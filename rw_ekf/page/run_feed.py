@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Mapping
 from functools import lru_cache
@@ -132,11 +131,8 @@ class RunFeed:
 
     def model_times(self) -> dict[str, int]:
         """When each of them was written [ns]; one that is just being replaced may be missing."""
-        found = {}
-        for path in self.models().values():
-            with contextlib.suppress(OSError):
-                found[str(path)] = path.stat().st_mtime_ns
-        return found
+        times = {str(path): _written_ns(path) for path in self.models().values()}
+        return {path: written_ns for path, written_ns in times.items() if written_ns is not None}
 
     def _is_of_run(self, path: Path) -> bool:
         try:
@@ -152,7 +148,9 @@ class RunFeed:
         models = self.models()
         kept = models.get("now", models.get("began"))
         now = friction_curve(kept, top_rad_s, believed) if kept else None
-        began = _begun_curve(models["began"], top_rad_s, self.model_times()) if "began" in models else None
+        # The model that a run began with is drawn again and again.
+        start = models.get("began")
+        began = _kept_curve(start, top_rad_s, _written_ns(start)) if start else None
         found = {name: curve for name, curve in (("began", began), ("now", now)) if curve}
         return {"kind": "curve", **found} if found else None
 
@@ -194,13 +192,17 @@ class RunTail:
         return new
 
 
-def _begun_curve(model: Path, top_rad_s: float, times: Mapping[str, int]) -> dict[str, Any] | None:
-    """As `friction_curve`, which is the same again and again of a model that a run began with."""
-    return _kept_curve(model, top_rad_s, times.get(str(model)))
+def _written_ns(model: Path) -> int | None:
+    """When a file was written [ns]; None of one that is just being replaced."""
+    try:
+        return model.stat().st_mtime_ns
+    except OSError:
+        return None
 
 
 @lru_cache(maxsize=16)
 def _kept_curve(model: Path, top_rad_s: float, written_ns: int | None) -> dict[str, Any] | None:
+    """As `friction_curve`, of a file as it was written at that time."""
     return friction_curve(model, top_rad_s)
 
 

@@ -21,8 +21,8 @@ _BACKLOG = 64
 _LOOK_S = 0.05
 _TICK_S = 0.2  # between two looks for a signal; uvicorn's own 0.1 s take 0.5 % of a core
 # What a history (the first) and a curve are made with: 0.3 and 1.1 s of processor time to load, that the first page
-# waited for.
-_LOAD_AFTER_S = 2.0  # what only the curve needs: it would come in the way of a first page that is opened at once
+# waited for. What only the curve needs comes later: it would be in the way of a first page that is opened at once.
+_LOAD_AFTER_S = 2.0
 _LOADED_AHEAD = ("rw_ekf.logs.reader", "rw_ekf.wheel.model_file", "rw_ekf.starting_point", "rw_ekf.filter.estimator")
 
 
