@@ -13,6 +13,9 @@ from pathlib import Path
 from rw_ekf.errors import DriverError
 
 NUMBERS_KEPT = 4
+_BAUD = {
+    getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()
+}  # by the number that termios has for it
 
 
 class PtyLink:
@@ -75,6 +78,11 @@ class PtyLink:
         """Send bytes; what a client that does not read leaves no room for is lost, as on a line."""
         with contextlib.suppress(BlockingIOError, InterruptedError):
             os.write(self.master, content)
+
+    @property
+    def baud(self) -> int | None:
+        """The speed that a client has set on the device [baud]; None: one that termios has no name for."""
+        return _BAUD.get(termios.tcgetattr(self.master)[5])
 
     def close(self) -> None:
         """Remove the link, if it is still ours, and close the pty. Safe to call twice."""

@@ -58,6 +58,7 @@ class PtyServer:
                 watched.append(self.pty.master)
             ready, _, _ = select.select(watched, [], [], self._pause_s(now_s))
             if self.pty.is_plugged and self.pty.master in ready:
+                self._line.carries((self.pty.baud or 0) / self._factor)
                 self._line.take(self.pty.read(), self.wheel_time_s())
             now_s = self.wheel_time_s()
             came = self._line.work(now_s)

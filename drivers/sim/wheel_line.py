@@ -1,8 +1,9 @@
 """A wheel's electronics at the end of a serial line with faults, in the wheel's time: bytes in, bytes out.
 
-A request counts as received when its last byte would have arrived at the map's baud rate, and a reply is sent when its
-last byte would have; so delays that the driver works out from the baud rate are true. Whoever has a clock drives it: a
-pseudo terminal in real time (`pty_server`), or a port in this process on any clock (`virtual_line`).
+A request counts as received when its last byte would have arrived at the line's baud rate, the map's or a faster one
+that the client has set, and a reply is sent when its last byte would have; so delays that the driver works out from the
+baud rate are true. Whoever has a clock drives it: a pseudo terminal in real time (`pty_server`), or a port in this
+process on any clock (`virtual_line`).
 """
 
 from __future__ import annotations
@@ -29,10 +30,18 @@ class WheelLine:
         self.server = server
         self._faults = server.faults
         self._stage = LineStage(self._faults)
-        self._byte_s = server.wire_map.link.bits_per_byte / server.wire_map.link.baud
+        self._link = server.wire_map.link
+        self._byte_s = self._link.bits_per_byte / self._link.baud
         self._events: list[tuple[float, int, int, bytes]] = []  # (time, order, kind, bytes)
         self._order = 0
         self._receiving_until_s = self._sending_until_s = server.plant.time_s
+
+    def carries(self, baud: float) -> None:
+        """The client's port runs at this speed, in bits per second of the wheel's time: so does a line that is slower.
+
+        A client that is slower than the map has it is heard all the same: a bench of its own time sets nothing.
+        """
+        self._byte_s = self._link.bits_per_byte / max(baud, self._link.baud)
 
     def is_plugged(self, now_s: float) -> bool:
         """Whether there is a port at all."""
