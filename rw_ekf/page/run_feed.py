@@ -161,7 +161,7 @@ class RunTail:
     def __init__(self, feed: RunFeed) -> None:
         self._feed = feed
         self._tables: dict[Path, GrowingTable] = {}
-        self._events = 0
+        self._events = self._events_bytes = 0
         self.look()
 
     def look(self) -> dict[str, Any]:
@@ -186,6 +186,13 @@ class RunTail:
         return rows
 
     def _new_events(self) -> list[dict[str, Any]]:
+        try:
+            size = beside(self._feed.stem, "events.jsonl").stat().st_size
+        except OSError:
+            return []
+        if size == self._events_bytes:
+            return []
+        self._events_bytes = size
         events = self._feed.events()
         new = events[self._events :] if len(events) < _MOST_EVENTS else events[-1:]
         self._events = len(events)

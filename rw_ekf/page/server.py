@@ -33,6 +33,7 @@ from rw_ekf.page.run_report import Reports
 STATIC = Path(__file__).parent / "static"
 _FILES = {"page.js": "text/javascript", "panes.js": "text/javascript", "page.css": "text/css",
           "uPlot.iife.min.js": "text/javascript", "uPlot.min.css": "text/css"}  # fmt: skip
+_STILL_HERE_S = 15.0  # a connection on which nothing comes for longer may be given up on its way
 _LOOK_S, _STATE_S, _CURVE_S = 0.5, 1.0, 5.0  # of each look most is the waking of threads and clients
 _QUEUE = 64  # messages a client may be behind: some 20 s
 _OVER = b""  # the last message
@@ -122,6 +123,7 @@ class Watcher:
 
     def __init__(self, feed: RunFeed) -> None:
         self.clients: set[asyncio.Queue[bytes]] = set()
+        self._silent_looks = 0
         self.top_rad_s = 1.0  # up to which friction is shown, as was asked for last
         self._feed = feed
         self._task: asyncio.Task[None] | None = None
@@ -178,9 +180,13 @@ class Watcher:
         return tail.look(), feed.state() if with_state else None, feed.model_times() if with_times else None
 
     def _tell(self, *messages: dict[str, Any]) -> None:
-        """Of one look: sent as one, so that each client is woken once."""
-        data = b"".join(map(_event, messages))
-        for queue in self.clients if messages else ():
+        """Of one look: sent as one, so that each client is woken once; after long silence, that there is nothing."""
+        self._silent_looks += 1
+        if not messages and self._silent_looks * _LOOK_S < _STILL_HERE_S:
+            return
+        self._silent_looks = 0
+        data = b"".join(map(_event, messages)) or b": still here\n\n"
+        for queue in self.clients:
             if queue.full():
                 _put(queue, _event({"kind": "behind"}))
             else:
@@ -306,11 +312,7 @@ async def _messages(watcher: Watcher) -> AsyncIterator[bytes]:
         message = b": hello\n\n"
         while message != _OVER:
             yield message
-            try:
-                async with asyncio.timeout(15.0):
-                    message = await queue.get()
-            except TimeoutError:
-                message = b": still here\n\n"
+            message = await queue.get()
 
 
 class _Guard:
