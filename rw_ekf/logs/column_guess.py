@@ -77,14 +77,20 @@ def _newest_first(columns: list[Column]) -> bool:
 def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Guess) -> Clock | None:
     """Choose the time: of the clocks that fit best the first, else the rows where their rate is known."""
     given = told.of("time_s")
-    named = [c for c in columns if c.role == "time" and np.isfinite(c.values).mean() > 1.0 - 1.0e-9]
-    if given is not None and given[1] is not None:
-        named = [columns[given[1]]]
-    elif not named:  # what is called nothing that is known is a time where it holds dates
-        named = [c for c in columns if c.role in ("other", "count") and _holds_dates(table, c)]
     unit = told.unit("time_s")
-    found = [clock_of(c.number, c.name, c.said, c.values, unit, not table.is_plain_number(c.number)) for c in named]
-    clocks = [clock for clock in found if clock is not None and (clock.is_clock or given is not None)]
+
+    def clocks_among(columns: list[Column]) -> list[Clock]:
+        found = [
+            clock_of(c.number, c.name, c.said, c.values, unit, not table.is_plain_number(c.number)) for c in columns
+        ]
+        return [clock for clock in found if clock is not None and (clock.is_clock or given is not None)]
+
+    if given is not None and given[1] is not None:
+        clocks = clocks_among([columns[given[1]]])
+    else:
+        clocks = clocks_among([c for c in columns if c.role == "time" and np.isfinite(c.values).all()])
+        # What is called nothing that is known is a time where it holds dates.
+        clocks = clocks or clocks_among([c for c in columns if c.role in ("other", "count") and _holds_dates(table, c)])
     if clocks:
         clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank))
         other = next(

@@ -46,6 +46,12 @@ _FOREIGN = (
     (b"PK\x03\x04", "a zip archive: unpack it first, or save the sheet as CSV if it is a spreadsheet"),
     (b"\xa3\x95\x80", "a binary DataFlash log of ArduPilot: write it as text, with mavlogdump.py"),
     (b"FEA1", "a Feather file of version 1: save it as Feather 2, Parquet or CSV"),
+    (b"\x80\x04\x95", "a pickle of Python, which may run anything when it is opened: save the table as Parquet or CSV"),
+    (b"\x80\x05\x95", "a pickle of Python, which may run anything when it is opened: save the table as Parquet or CSV"),
+    (b"%PDF-", "a PDF, which has no numbers in columns: save the log itself"),
+    (b"<!doctype html", "a web page: save its table as CSV, or hand over what pandas.read_html makes of it"),
+    (b"<html", "a web page: save its table as CSV, or hand over what pandas.read_html makes of it"),
+    (b"<table", "a web page: save its table as CSV, or hand over what pandas.read_html makes of it"),
 )
 
 
@@ -58,7 +64,7 @@ def format_of(path: Path, name: str) -> LogFormat:
         if key != _LAST and form.recognises(head, suffix):
             return form
     for magic, what in _FOREIGN:
-        if head.startswith(magic):
+        if head.startswith(magic) or head.lstrip().lower().startswith(magic):
             raise LogError(f"{name}: is {what}")
     if suffix in (".parquet", ".mat"):
         kind = "Parquet" if suffix == ".parquet" else "MATLAB"

@@ -71,7 +71,7 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     remarks = described.get("remarks", prose)
     if described and names != described.get("names"):
         remarks = remarks or described.get("names", ())
-    groups = layout.cells(above[taken - 1][1]) if names and taken else []
+    groups = layout.cells(above[taken - 1][1]) if names and taken and "=" not in above[taken - 1][1] else []
     exact = layout.delimiter == CELL
     if not remarks and (exact or len(groups) == len(names)) and not any(map(layout.is_value, groups)):
         remarks = held_to_the_right(groups)

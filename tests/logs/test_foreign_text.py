@@ -379,6 +379,20 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         f"header: \n  seq: {i}\n  stamp: \n    secs: {1743292790 + int(t)}\n    nsecs: {round(1e9 * (t % 1.0))}\n"
         f"name: [wheel]\nposition: [0.0]\nvelocity: [{w!r}]\neffort: [{c!r}]\n---\n" for i, (t, w, c) in enumerate(r)
     ).encode(),
+    "a terminal's time before labels, of which one could be a time as well": lambda r: _table(
+        r, "", lambda i, t, w, c: f"{_at(t):%H:%M:%S.%f}"[:-3] + f" -> rpm:{w * RPM:.9f},I_mA:{c * MA:.9f},T:24.5",
+    ).encode(),
+    "an object for each signal, with its unit beside its values": lambda r: json.dumps({
+        "meta": {"wheel": "RW-03"}, "signals": {
+            "time": {"unit": "s", "values": [t for t, _, _ in r]},
+            "wheel_rate": {"unit": "rpm", "values": [w * RPM for _, w, _ in r]},
+            "motor_current": {"unit": "mA", "values": [c * MA for _, _, c in r]},
+        },
+    }).encode(),
+    "a row of remarks that is no row of groups": lambda r: _table(
+        r, "# bench = 3, wheel = RW-03, time = a counter of 16 bits\nms,speed [rpm],I [mA]",
+        lambda i, t, w, c: f"{(round(1e3 * t) + 60000) % 65536},{w * RPM!r},{c * MA!r}",
+    ).encode(),
     "rows of a dump of SQLite": lambda r: _table(
         r, "PRAGMA foreign_keys=OFF;\nBEGIN TRANSACTION;\nCREATE TABLE log(id INTEGER PRIMARY KEY, stamp TEXT, "
         "rpm REAL CHECK (rpm < 9e9), motor_ma REAL, note TEXT);",

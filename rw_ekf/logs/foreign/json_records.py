@@ -195,19 +195,32 @@ def _of_list(rows: list[Any]) -> tuple[dict[str, list[Any]], dict[str, Any]] | N
     return None
 
 
+def _is_numbered(value: Mapping[str, Any]) -> bool:
+    return bool(value) and all(key.isdigit() for key in value)
+
+
 def _is_rows(value: list[Any]) -> bool:
     return any(isinstance(cell, dict | list) for cell in value)
 
 
 def _as_list(value: Any) -> list[Any] | None:
-    """A column: a list, or what pandas makes of one, {"0": first, "1": second}."""
-    if isinstance(value, dict) and value and all(key.isdigit() for key in value):
-        return list(value.values())
+    """A column: a list, what pandas makes of one, {"0": first, "1": second}, or the only one beside its unit."""
+    if isinstance(value, dict):
+        if _is_numbered(value):
+            return list(value.values())
+        lists = [held for held in value.values() if isinstance(held, list | dict)]
+        value = lists[0] if len(lists) == 1 else None
     return value if isinstance(value, list) else None
 
 
 def _beside(document: Mapping[str, Any], columns: set[str]) -> dict[str, Any]:
-    return dict(_flat({key: value for key, value in document.items() if key not in columns}))
+    """What is said beside columns; of a column that is an object, what it holds beside its list."""
+    kept = {
+        key: value
+        for key, value in document.items()
+        if key not in columns or (isinstance(value, dict) and not _is_numbered(value))
+    }
+    return dict(_flat(kept))
 
 
 def _flat(record: Mapping[str, Any], path: str = "", depth: int = 0) -> Iterator[tuple[str, Any]]:
