@@ -27,28 +27,23 @@ _ONE_STEP = ("rw_ekf.likelihood.one_step:one_step_pass",)
 _ONE_STEP_WITH_EFFECTS = ("rw_ekf.likelihood.one_step:one_step_pass_with_effects",)
 _AHEAD = ("rw_ekf.course.free_run:run_free_with_effects",)
 _LIKELIHOOD = tuple(f"rw_ekf.likelihood.whitening:{name}" for name in ("whiten", "smooth", "adjoint"))
-FIT = (
-    *FILTER,
-    *LEAST_SQUARES,
-    *SMOOTHER,
-    *_LIKELIHOOD,
-    *_ONE_STEP,
-    *_ONE_STEP_WITH_EFFECTS,
-)  # and the judgement of a residual
-DIAGNOSIS = (*FIT, *EFFECTS, *_AHEAD)
+FIT = (*FILTER, *LEAST_SQUARES, *SMOOTHER, *_LIKELIHOOD, *_ONE_STEP)  # and the judgement of a residual
+DIAGNOSIS = (*FIT, *EFFECTS, *_ONE_STEP_WITH_EFFECTS, *_AHEAD)
 
 _WITH_EFFECTS = frozenset((*EFFECTS, *_ONE_STEP_WITH_EFFECTS, *_AHEAD))
 # What is compiled in one process: those with effects share two thirds of their work, those of a fit all but a second.
 _TOGETHER = (_WITH_EFFECTS, frozenset(FILTER), frozenset(FIT) - {*FILTER, *_WITH_EFFECTS})
 # Processor time of what is compiled first in a process, and of each kernel after it, on the machine whose loop of plain
 # Python took _LOOP_S (tools.measure.startup --first).
-_FIRST_S = (10.6, 9.0, 3.0)
-_NEXT_S = (8.0, 0.0, 1.1)
+_FIRST_S = (8.8, 7.5, 2.5)
+_NEXT_S = (6.6, 0.0, 0.9)
 _LOOP_S = 0.0095
 
+_PLAIN = {"NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}  # it colours what it might have to say 20,000 times
 _POLL_S = 0.2
 _CHILD = """
-import json, sys
+import gc, json, sys
+gc.disable()  # a compiler's objects live as long as it does: looking for cycles among them was an eighth of its time
 sys.path[:], names = json.loads(sys.argv[1])
 from rw_ekf.compile_ahead import compile_all
 from rw_ekf.parent import die_with_parent
@@ -128,7 +123,7 @@ def _child(names: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
     # A session of its own: Ctrl-C at the terminal is for the parent, which kills what it started.
     child = subprocess.Popen(
         command,
-        env=os.environ | child_environment(),
+        env=os.environ | child_environment() | _PLAIN,
         start_new_session=True,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -9,25 +9,24 @@ effects; which of them it is, `rw-ekf diagnose` has to say.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.profile import LEAST_RATIO
-from rw_ekf.model.effect import Term
-from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
-from rw_ekf.wheel.effect_table import EffectSet
+from rw_ekf.model.state import COULOMB, STATIC
+from rw_ekf.wheel.effect_table import NO_EFFECTS
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
 _RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a regressor explains is no process noise any more
 _STEP = 1.2
 _TURNING = 2.0  # Stribeck speeds: below, what torque noise does to a wheel that may stop at any moment is not linear
+_NUDGE = 1.0e-6  # of the largest torque, for a difference: its own bend is as far below as the rounding of speeds
 _OWN_SHARE = 0.05  # of a regressor's length that the parameters cannot follow: less says nothing
 
 
@@ -41,14 +40,24 @@ class Structure:
 
 
 def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
-    """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
-    model = fit.model
-    probe = EffectSet((Term.of(TORQUE),))
+    """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to.
+
+    A torque is what the motor drives with: of a gain of 1 a current that is k I and a little more, or less.
+    """
+    record, parameters, stribeck = fit.linearised.record, fit.model.parameters, fit.model.stribeck
+    pieces = record.course.pieces
+    drive = parameters.motor_gain * pieces.current_A  # [rad/s^2]
+    h = _NUDGE * max(parameters.coulomb, float(np.max(np.abs(drive), initial=0.0)), 1.0e-9)
+    by_torque = np.array(parameters._replace(motor_gain=1.0))
+
+    def end(nudge: float) -> Float64Array:
+        nudged = replace(record, course=record.course._replace(pieces=pieces._replace(current_A=drive + nudge)))
+        return predict(nudged, by_torque, NO_EFFECTS, stribeck, fit.trajectory, with_slopes=False).end
+
     rows = predict(
-        fit.linearised.record, np.array([*model.parameters, 0.0]), probe, model.stribeck, fit.trajectory,
-        with_rows=True, with_slopes=False,
-    ).rows  # fmt: skip
-    return -rows[:, STATE_SIZE], rows[:, COULOMB] + rows[:, STATIC]
+        record, np.array(parameters), NO_EFFECTS, stribeck, fit.trajectory, with_rows=True, with_slopes=False
+    ).rows
+    return (end(h) - end(-h)) / (2.0 * h), rows[:, COULOMB] + rows[:, STATIC]
 
 
 def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Array:
