@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.checking import yaml_loader
 from rw_ekf.checking.yaml_loader import load_what_can_be_read, load_yaml, parse_yaml
 from rw_ekf.errors import BadInputError, ConfigError
 
@@ -161,3 +162,20 @@ def test_hexadecimal_numbers_of_a_wire_map_are_integers() -> None:
     """YAML 1.2 writes bytes as 0x1F; they arrive as the integer, quoted ones as text."""
     data = parse_yaml("{escape: 0x1F, text: '0x1F'}", "map.yaml").data
     assert data == {"escape": 31, "text": "0x1F"}
+
+
+SHIPPED = sorted((Path(__file__).parents[2] / "config").glob("*.yaml"))
+ODD = (
+    "a: {b: 'x', c: \"y\\n\", d: [1, ~, .5]}\n",
+    "k: |\n  two\n  lines\nl: >-\n  one\n  line\n",
+    "é: 1 # ü\n'0x1F': ö\n",
+)
+
+
+@pytest.mark.parametrize("text", [*(path.read_text(encoding="utf-8") for path in SHIPPED), *ODD])
+def test_both_parsers_make_the_same_of_a_file(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """libyaml and PyYAML's own: the same values at the same places; the second is there where the first is not."""
+    quick = parse_yaml(text, "f.yaml")
+    monkeypatch.setattr(yaml_loader, "_QuickComposer", yaml_loader._Composer)
+    own = parse_yaml(text, "f.yaml")
+    assert own == quick
