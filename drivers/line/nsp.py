@@ -60,19 +60,15 @@ def unpacked(buffer: bytes) -> tuple[list[Packet], int, bytes]:
 
 def _packet(content: bytes) -> Packet | None:
     """The packet between two ends; None where an escape is unknown, bytes are missing, or the checksum is wrong."""
-    plain = bytearray()
-    escaped = False
-    for byte in content:
-        if escaped:
-            if byte not in (ESCAPED_END, ESCAPED_ESCAPE):
-                return None
-            plain.append(END if byte == ESCAPED_END else ESCAPE)
-        elif byte != ESCAPE:
-            plain.append(byte)
-        escaped = not escaped and byte == ESCAPE
-    if escaped or len(plain) < _LEAST_BYTES or crc16(bytes(plain[:-2])) != int.from_bytes(plain[-2:], "little"):
+    first, *behind_escapes = content.split(bytes((ESCAPE,)))
+    plain = first
+    for piece in behind_escapes:
+        if not piece or piece[0] not in (ESCAPED_END, ESCAPED_ESCAPE):
+            return None
+        plain += bytes((END if piece[0] == ESCAPED_END else ESCAPE,)) + piece[1:]
+    if len(plain) < _LEAST_BYTES or crc16(plain[:-2]) != int.from_bytes(plain[-2:], "little"):
         return None
-    return Packet(plain[0], plain[1], plain[2], bytes(plain[3:-2]))
+    return Packet(plain[0], plain[1], plain[2], plain[3:-2])
 
 
 class NspCodec:

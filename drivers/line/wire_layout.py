@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 from pydantic import Field as Key
@@ -214,7 +215,12 @@ class Register(Section):
         )
         return self
 
-    @property
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        vars(copied).pop("packing", None)  # `model_copy` may give it other fields
+        return copied
+
+    @cached_property
     def packing(self) -> struct.Struct:
         """The bytes of the register's data."""
         return struct.Struct(self._order + "".join(field.code for field in self.fields))

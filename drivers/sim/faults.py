@@ -178,6 +178,10 @@ class FaultInjector:
             counts[one.fault.kind] = counts.get(one.fault.kind, 0) + one.struck
         return counts
 
+    def by_kind(self, time_s: float) -> Mapping[str, Sequence[FaultAtWork]]:
+        """Those that are at work at time_s [s] by their kind, each kind in the order given; empty where none is."""
+        return self._now(time_s).by_kind
+
     def on(self, kind: str, time_s: float) -> Sequence[FaultAtWork]:
         """Those of a kind that are at work at time_s [s], in the order given."""
         return self._now(time_s).by_kind.get(kind, ())

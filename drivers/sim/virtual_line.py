@@ -77,8 +77,8 @@ class VirtualPort:
     def _receive(self) -> None:
         if not self._open:
             raise serial.PortNotOpenError
-        self._cable.check()
-        self._waiting += self._cable.line.work(self._cable.now_s())
+        now_s = self._cable.check()
+        self._waiting += self._cable.line.work(now_s)
 
 
 class VirtualCable:
@@ -95,16 +95,18 @@ class VirtualCable:
 
     def next_in_s(self) -> float:
         """In how long something comes, or the cable is pulled [s]; a moment more, so that it is then past."""
-        due_s = self.line.next_s(self.now_s()) - self.now_s()
+        now_s = self.now_s()
+        due_s = self.line.next_s(now_s) - now_s
         return due_s + 1e-9 if math.isfinite(due_s) else due_s
 
-    def check(self) -> None:
-        """Let the wheel's time go on. Raises SerialException while the cable is out."""
+    def check(self) -> float:
+        """Let the wheel's time go on; what it is [s]. Raises SerialException while the cable is out."""
         now_s = self.now_s()
         self.line.idle(now_s, IDLE_ADVANCE_S)
         if not self.line.is_plugged(now_s):
             self.line.unplug()
             raise serial.SerialException("device disconnected")
+        return now_s
 
     def carrying(self, spoken: RegisterProtocol) -> RegisterProtocol:
         """The same protocol on this cable, whatever the port's name."""

@@ -42,15 +42,18 @@ class WheelFaults:
 
     def happen(self, server: Electronics, time_s: float) -> None:
         """Let what is due at time_s [s] happen to the wheel: restart, jump of its clock, heat."""
-        for fault in self._faults.on("reset", time_s):
+        now = self._faults.by_kind(time_s)
+        if not now and self._cool_degC is None:
+            return
+        for fault in now.get("reset", ()):
             if fault.begins(time_s):
                 server.restart()
-        for _ in self._faults.on("dead", time_s):
+        for _ in now.get("dead", ()):
             server.restart()  # as long as there is no power
-        for fault in self._faults.on("clock", time_s):
+        for fault in now.get("clock", ()):
             if fault.begins(time_s):
                 server.jump_clock(fault.fault.time_s)
-        hot = next(iter(self._faults.on("heat", time_s)), None)
+        hot = next(iter(now.get("heat", ())), None)
         plant = server.plant
         if hot is not None:
             if self._cool_degC is None:
@@ -75,19 +78,22 @@ class WheelFaults:
     def telemetry(self, register: Register, values: Mapping[str, float], time_s: float) -> dict[str, float]:
         """The SI values that the register tells in place of the true ones."""
         told = dict(values)
-        for fault in self._faults.on("flag", time_s):
+        now = self._faults.by_kind(time_s)
+        if not now:
+            return told
+        for fault in now.get("flag", ()):
             if "flags" in told and fault.strikes(time_s):
                 told["flags"] = float(int(told["flags"]) | fault.fault.count)
-        for fault in self._faults.on("serial", time_s):
+        for fault in now.get("serial", ()):
             told["serial_number"] = float(fault.fault.count)
         wild = self._faults.striking("spike", time_s, register.name) if "speed" in told else None
         if wild is not None:
             told["speed"] += wild.random.choice((-1.0, 1.0)) * rad_s_from_rpm(wild.fault.number)
-        for fault in self._faults.on("value", time_s):
+        for fault in now.get("value", ()):
             of_this = fault.fault.register in (None, register.name) and register.field(fault.fault.name)
             if of_this and fault.strikes(time_s):
                 told[fault.fault.name] = fault.fault.number
-        for fault in self._faults.on("freeze", time_s):
+        for fault in now.get("freeze", ()):
             if fault.fault.register in (None, register.name) and fault.strikes(time_s):
                 before = fault.memory.setdefault(register.name, dict(told))
                 name = fault.fault.name
@@ -96,8 +102,10 @@ class WheelFaults:
 
     def reply(self, request: Frame, register: Register | None, data: bytes, time_s: float) -> Frame:
         """The frame that answers a request: seq, id and data as they should be, or as a fault makes them."""
-        name = register.name if register is not None else None
         seq, register_id = request.seq, request.id
+        if not self._faults.by_kind(time_s):
+            return Frame(seq, register_id, data)
+        name = register.name if register is not None else None
         if register is not None and register.access == "read":
             again = self._faults.striking("repeat", time_s, name)
             if again is not None:

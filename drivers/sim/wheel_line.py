@@ -73,10 +73,10 @@ class WheelLine:
 
     def work(self, now_s: float) -> bytes:
         """Work off what is due; the bytes that have come to the client's end."""
-        came = self._stage.junk(FROM, now_s)
-        junk = self._stage.junk(TO, now_s)
-        if junk:
-            self._push(now_s, RECEIVED, junk)
+        came = b""
+        if self._faults.on("flood", now_s):
+            came = self._stage.junk(FROM, now_s)
+            self._push(now_s, RECEIVED, self._stage.junk(TO, now_s))
         self._send(self.server.unasked(now_s), now_s)
         while self._events and self._events[0][0] <= now_s:
             time_s, _, kind, content = heapq.heappop(self._events)

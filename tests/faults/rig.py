@@ -17,6 +17,7 @@ from rw_ekf.drivers.can.can_link import CanLink
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
@@ -99,7 +100,8 @@ class LineWheel:
         configuration = load_configuration(write_config(self.directory, str(self.directory / "wheel"), **sections))
         clock, notes = VirtualClock(at), notes if notes is not None else Notes()
         noise = PlantNoise(self.noise_rpm * RAD_S_PER_RPM)
-        plant = PlantRunner(self.parameters, noise, 5, PlantState(speed_rad_s=self.speed_rad_s), 0.01)
+        state = PlantState(speed_rad_s=self.speed_rad_s)
+        plant = PlantRunner(self.parameters, noise, 5, state, 0.01, compiled_advance)
         true = protocol_named(self.protocol or FAMILY.get())
         command = true.wire_map.current_command
 

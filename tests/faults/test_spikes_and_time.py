@@ -15,6 +15,7 @@ import pytest
 from rw_ekf.clock import VirtualClock
 from rw_ekf.course.course import Course
 from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
@@ -74,7 +75,8 @@ class Held:
     asked_s: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        plant = PlantRunner(PlantParameters(), PlantNoise(RAD_S_PER_RPM), 5, PlantState(speed_rad_s=40.0), 0.01)
+        noise, state = PlantNoise(RAD_S_PER_RPM), PlantState(speed_rad_s=40.0)
+        plant = PlantRunner(PlantParameters(), noise, 5, state, 0.01, compiled_advance)
         self.server = RegisterServer(wire_map_of("sunspace-wheel"), plant, first_uptime_s=100.0, watch=self._watch)
 
     def _watch(self, frame: Frame) -> None:

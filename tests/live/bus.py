@@ -21,6 +21,7 @@ from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.fault_text import parse_bus_faults, parse_faults
 from rw_ekf.drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
@@ -114,7 +115,7 @@ def make_bus(directory: Path, port: str, family: str = FAMILIES[0], faults: str 
         assert isinstance(spoken, AddressedRegisterProtocol)
         assert address is not None
         protocol = spoken.at(address)
-        plant = PlantRunner(PlantParameters(), PlantNoise(RAD_S_PER_RPM), 11 + index)
+        plant = PlantRunner(PlantParameters(), PlantNoise(RAD_S_PER_RPM), 11 + index, law=compiled_advance)
         made = Wheel(configuration.wheel.name, protocol.electronics(protocol.wire_map, plant))
         made.electronics = protocol.electronics(
             protocol.wire_map,

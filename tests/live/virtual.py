@@ -11,6 +11,7 @@ from typing import Any
 
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.run_start import GivenModel
@@ -44,7 +45,9 @@ def run(
 ) -> tuple[Ran, SimulatedWheel]:
     """Run the daemon; each event is a time [s] and what happens then. changes: of the configuration's sections."""
     clock, noise, notes = VirtualClock(), PlantNoise(RAD_S_PER_RPM), Notes()
-    wheel = SimulatedWheel(noise=noise, seed=4, initial_speed_rad_s=speed_rad_s, clock=clock, fine_step_s=0.02)
+    wheel = SimulatedWheel(
+        noise=noise, seed=4, initial_speed_rad_s=speed_rad_s, clock=clock, fine_step_s=0.02, law=compiled_advance
+    )
     path = write_config(directory, str(directory / "nowhere"), **(USUAL | changes))
     with StopSignal() as stop:
         for time_s, action in events:

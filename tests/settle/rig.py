@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rw_ekf.clock import VirtualClock
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.run_start import GivenModel
@@ -36,7 +37,12 @@ def run(configuration: Configuration, plan: Plan, plant: PlantParameters, speed_
     """The log of a run; the wheel turns at a speed when it begins."""
     clock = VirtualClock()
     wheel = SimulatedWheel(
-        plant, noise=PlantNoise(RAD_S_PER_RPM), seed=7, initial_speed_rad_s=speed_rpm * RAD_S_PER_RPM, clock=clock
+        plant,
+        noise=PlantNoise(RAD_S_PER_RPM),
+        seed=7,
+        initial_speed_rad_s=speed_rpm * RAD_S_PER_RPM,
+        clock=clock,
+        law=compiled_advance,
     )
     with StopSignal() as stop:
         outcome = run_daemon(

@@ -26,6 +26,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.console import logger
 from rw_ekf.control.commanders import ProfileController
 from rw_ekf.control.compensation.on_wheel import WheelCompensator
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.run_start import GivenModel
@@ -90,7 +91,9 @@ def _times_us(scheme: str | None, requests: int, turns: int) -> list[tuple[float
         configuration = load_configuration(config)
         clock = VirtualClock()
         noise = PlantNoise(RAD_S_PER_RPM)
-        wheel = SimulatedWheel(noise=noise, seed=4, initial_speed_rad_s=20.0, clock=clock, fine_step_s=0.02)
+        wheel = SimulatedWheel(
+            noise=noise, seed=4, initial_speed_rad_s=20.0, clock=clock, fine_step_s=0.02, law=compiled_advance
+        )
         with StopSignal() as stop, _client(path, clock, requests):
             run_daemon(
                 Task(configuration, SimulatedProtocol(wheel), GivenModel(), turns / _RATE_HZ),

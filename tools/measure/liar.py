@@ -32,6 +32,7 @@ from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
@@ -195,7 +196,8 @@ def run_draw(draw: Draw, directory: Path) -> Told:
     gain = 15.205 + (2.5 if honest else 1.0) * (draw.gain - 15.205)
     coulomb = 0.58 + (1.25 if honest else 1.0) * (draw.coulomb - 0.58)
     parameters = PlantParameters()._replace(motor_gain=gain, coulomb=coulomb, static=1.05 * coulomb)
-    plant = PlantRunner(parameters, PlantNoise(RAD_S_PER_RPM), draw.seed, PlantState(speed_rad_s=0.0), 0.02)
+    noise, state = PlantNoise(RAD_S_PER_RPM), PlantState(speed_rad_s=0.0)
+    plant = PlantRunner(parameters, noise, draw.seed, state, 0.02, compiled_advance)
     written: list[float] = []
     asked: list[float] = [0.0]
     outside, fastest = 0, 0.0

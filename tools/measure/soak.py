@@ -34,6 +34,7 @@ from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
 from rw_ekf.drivers.sim.fault_draw import drawn_faults
 from rw_ekf.drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
@@ -103,7 +104,7 @@ def soak(plan: Plan, directory: Path, bar: Any) -> Soaked:
     wire_map = wire_map_from_mapping(document.data, document.where)
     faults = drawn_faults(plan.seed, 3600.0 * plan.hours, plan.gap_s) if plan.gap_s > 0.0 else ()
     noise, state = PlantNoise(RAD_S_PER_RPM), PlantState(speed_rad_s=20.0)
-    plant = PlantRunner(PlantParameters(), noise, plan.seed, state, fine_step_s=0.01)
+    plant = PlantRunner(PlantParameters(), noise, plan.seed, state, 0.01, compiled_advance)
     server = Witness(wire_map, plant, faults=FaultInjector(faults, plan.seed))
     path = directory / "wheel.yaml"
     text = CONFIGURATION.replace("DIRECTORY", str(directory)).replace("COMMAND", STEADY if plan.steady else PROFILE)
