@@ -322,13 +322,13 @@ def _judge(told: Told, work: Work) -> None:
         believed = float(np.interp(speed, curve.speed_rad_s, curve.friction_rad_s2))
         if abs(believed / truth - 1.0) > _WITHIN:
             wrong.append(f"friction at {rpm:g} rpm {believed:.4g}, truly {truth:.4g}")
-    turned = _turns_backward(work, draw)
+    turned = turned_backward(work, draw)
     wrong += [turned] if turned else []
     told.verdict, told.reason = ("wrong", "; ".join(wrong)) if wrong else ("right", "")
 
 
-def _turns_backward(work: Work, draw: Draw) -> str | None:
-    """What is wrong with the signs and the scale of the map that was written, held against the true one."""
+def turned_backward(work: Work, draw: Draw) -> str | None:
+    """What is wrong with signs and scale of the map that was written, held against the true one; None: nothing."""
     true: Any = load_protocol(draw.family)
     made: Any = load_protocol(work.progress["sign"]["protocol"])
     speed = made.wire_map.speed_field.scale / true.wire_map.speed_field.scale
