@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.log_replay import replay_log
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
-from tools.measure.laws import measured
+from tools.measure.laws import judged
 from tools.proof.nameless import Nameless
 
 pytestmark = pytest.mark.slow
@@ -26,10 +27,18 @@ def parameters_of(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
     return found
 
 
+@functools.cache
+def found_in(name: str) -> Diagnosis:
+    """The diagnosis of the first log of such a wheel, made once for the tests of it."""
+    return diagnose_log(Nameless(name, 11).log())
+
+
 @pytest.mark.parametrize(
     ("name", "quantity", "kind"),
     [
-        ("gain by bus voltage", "bus_voltage_V", "motor_gain"),
+        pytest.param(
+            "gain by bus voltage", "bus_voltage_V", "motor_gain", marks=pytest.mark.xdist_group("gain by bus voltage")
+        ),
         ("pressure, viscous", "pressure_Pa", "viscous_drag"),
         ("current, square", "current_along_motion", "drag"),
         ("speed, wave", "speed_size", "drag"),
@@ -37,16 +46,16 @@ def parameters_of(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
 )
 def test_a_law_without_a_formula_is_found_and_predicts_the_next_log(name: str, quantity: str, kind: str) -> None:
     """Told by quantity and kind; its band holds the truth, and the next log is missed by hardly more than noise."""
-    diagnosis = diagnose_log(Nameless(name, 11).log())
+    diagnosis = found_in(name)
     assert diagnosis.verdict["effects"] == ["learned_law"], diagnosis.verdict["statement"]
     assert diagnosis.verdict["posterior"]["learned_law"] > 0.9
     found = parameters_of(diagnosis, "learned_law")
     assert (found["quantity"]["value"], found["kind"]["value"]) == (quantity, kind)
     assert len(found["knots"]["value"]) == len(found["values"]["value"]) == len(found["std"]["value"])
-    judged = measured(Nameless(name, 11))
-    assert judged.after_rpm < 1.2 * judged.noise_rpm < 0.9 * judged.before_rpm
-    assert judged.covered is not None
-    assert judged.covered > 0.8
+    told = judged(Nameless(name, 11), diagnosis)
+    assert told.after_rpm < 1.2 * told.noise_rpm < 0.9 * told.before_rpm
+    assert told.covered is not None
+    assert told.covered > 0.8
 
 
 def test_something_that_begins_is_told_with_its_time_and_holds_in_the_next_log() -> None:
@@ -76,9 +85,10 @@ def test_a_model_with_a_law_is_adequate_for_its_wheel() -> None:
     assert abs(amplitude["value"] - 1.0) < 4.0 * amplitude["std"]
 
 
+@pytest.mark.xdist_group("gain by bus voltage")
 def test_where_a_log_goes_beyond_a_law_that_is_said() -> None:
     """The next log has voltages that the first had not: held at the edge, and told; no change is made up of it."""
-    diagnosis = diagnose_log(Nameless("gain by bus voltage", 11).log())
+    diagnosis = found_in("gain by bus voltage")
     following = Nameless("gain by bus voltage", 1011).log()
     warnings = replay_log(following, model=diagnosis.model).document()["logs"][0]["warnings"]
     assert any("bus_voltage_V is beyond what the learned law was found over" in text for text in warnings)

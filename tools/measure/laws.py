@@ -22,6 +22,7 @@ from rw_ekf.course.conditions import with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.likelihood.one_step import state_vector
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
@@ -103,9 +104,13 @@ def covered_share(term: Term, motor_gain: float, case: Nameless, log: WheelLog) 
 
 def measured(case: Nameless) -> Measured:
     """Diagnose one log, and judge by the next."""
+    return judged(case, diagnose_log(case.log()))
+
+
+def judged(case: Nameless, diagnosis: Diagnosis) -> Measured:
+    """Judge what was found in the log of a wheel by its next."""
     log = case.log()
     following, truth = replace(case, seed=case.seed + 1000).run()
-    diagnosis = diagnose_log(log)
     document = diagnosis.document()
     base = FrictionParameters(*(item["value"] for item in document["parameters"]["before"].values()))
     usual = Stribeck(4.0 * RAD_S_PER_RPM, LAW_CODES["gauss"])
