@@ -37,7 +37,7 @@ def signal_field(name: str, told: Told | CommandKeys, database: Any) -> Field:
     )
     if not signal.is_float:
         half = 1 << (signal.length - 1)
-        field._numbers = (-half, half - 1) if signal.is_signed else (0, 2 * half - 1)
+        field.carry_only(*((-half, half - 1) if signal.is_signed else (0, 2 * half - 1)))
     return field
 
 

@@ -99,7 +99,6 @@ class Field(Section):
     scale: float = Key(1.0, description="unit per count")
     offset: float = Key(0.0, description="value at count 0, in the unit")
     constant: Annotated[float | None, NOT_NULL] = None  # always sent as it stands (and must be, to be accepted)
-    _numbers: tuple[float, float] | None = PrivateAttr(None)  # on the wire, where they are fewer than the type has
 
     @model_validator(mode="after")
     def _holds(self) -> Self:
@@ -116,10 +115,14 @@ class Field(Section):
         refuse(mistakes)
         return self
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[float, float]:
         """The lowest and the highest number on the wire."""
-        return self._numbers if self._numbers is not None else TYPES[self.type][1:]
+        return TYPES[self.type][1:]
+
+    def carry_only(self, low: float, high: float) -> None:
+        """Let these be its lowest and its highest number, where it has fewer bits than its type."""
+        vars(self).update(numbers=(low, high))
 
     @property
     def is_float(self) -> bool:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.attach.wire import load_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.commissioning.progress import STEPS, Progress
@@ -17,6 +16,7 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from tests.contract import check_document
 from tests.injecting import put_faults
+from tests.live.bench import wire_map_of
 from tools.measure.commission import Draw, Rig, carry_out, draw_wheel, options_of, rig_of, turned_backward
 
 USUAL = Draw(
@@ -44,7 +44,8 @@ class BrokenOff:
 def broken_off(tmp_path_factory: pytest.TempPathFactory) -> BrokenOff:
     """Made once for the tests of it, which share a process."""
     directory = tmp_path_factory.mktemp("broken-off")
-    lasts_s, currents_A, steps = 11.0, [], []
+    lasts_s, currents_A = 11.0, []
+    steps: list[set[str]] = []
     for _ in range(60):
         clock = VirtualClock()
         with StopSignal() as stop:
@@ -114,12 +115,9 @@ def test_a_command_that_telemetry_tells_the_opposite_of_has_its_sign_mended(tmp_
         with pytest.raises(Stopped):
             commission(made.work)
     assert turned_backward(made.work, draw) is None
-    mended = load_protocol(made.work.progress["sign"]["protocol"]).wire_map
-    true = load_protocol("can-wheel").wire_map
-    for register in true.registers:
-        for field in register.fields:
-            scales = [map_.register(register.name).field(field.name).scale for map_ in (true, mended)]
-            assert scales[0] == pytest.approx(scales[1]), field.name
+    mended, true = wire_map_of(made.work.progress["sign"]["protocol"]), wire_map_of("can-wheel")
+    for found, register in zip(mended.registers, true.registers, strict=True):
+        assert [field.scale for field in found.fields] == pytest.approx([field.scale for field in register.fields])
     assert made.work.progress["delay"] is not None
     assert made.plant.current_A == made.watched.last_A == 0.0
 
