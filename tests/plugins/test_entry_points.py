@@ -157,8 +157,13 @@ def test_a_name_that_is_taken_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_its_effect_is_found_in_a_record_of_a_wheel_that_has_it(site: Path) -> None:
-    """A wheel with a seal, integrated here; `diagnose` names the effect with its size, and `replay` takes the model."""
+def test_its_effect_is_found_in_a_record_of_a_wheel_that_has_it(site: Path, pytestconfig: pytest.Config) -> None:
+    """A wheel with a seal, integrated here; `diagnose` names the effect with its size, and `replay` takes the model.
+
+    What is compiled for it is kept where pytest keeps what it knows, as with a user: it is anew where a source is.
+    """
+    if pytestconfig.cache is not None:
+        (site / "cache").symlink_to(pytestconfig.cache.mkdir("acme-kernels"))
     rows, size = wheel_with_a_seal()
     table = "\n".join(",".join(f"{value:.6g}" for value in row) for row in rows)
     (site / "seal.csv").write_text(f"time_s,speed_rpm,current_command_A\n{table}\n", encoding="utf-8")
