@@ -87,7 +87,8 @@ def comment_of_constant(module: ModuleType, name: str) -> str:
     return ""
 
 
-def comments_of_members(kind: type[Any]) -> dict[str, str]:
+@functools.cache
+def comments_of_members(kind: Callable[..., Any]) -> dict[str, str]:
     """What stands behind each member of a named tuple."""
     text = textwrap.dedent(inspect.getsource(kind))
     tree, comments = ast.parse(text).body[0], _comments(text)

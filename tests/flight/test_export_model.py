@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,21 +44,43 @@ def model_file(folder: Path, effects: EffectSet = NO_EFFECTS) -> Path:
     return path
 
 
+@functools.cache
+def export_of(name: str, *, single: bool = False) -> dict[str, str]:
+    """The files of an export with an effect, or "" without, made once for the tests of one process."""
+    with tempfile.TemporaryDirectory() as made:
+        folder, effects = Path(made), in_use(name) if name else NO_EFFECTS
+        model = str(model_file(folder, effects))
+        assert main(["export-model", "--c", str(folder / "c"), model, *["--float"] * single]) == 0
+        return {path.name: path.read_text(encoding="utf-8") for path in (folder / "c").iterdir()}
+
+
+def exported(folder: Path, name: str = "", *, single: bool = False) -> Path:
+    """That export in a folder."""
+    for file, text in export_of(name, single=single).items():
+        (folder / file).write_text(text, encoding="utf-8")
+    return folder
+
+
+def of_one_export(name: str, *, slow: bool = True) -> Any:
+    """A test of an export that others look at too, in the same process then."""
+    marks = [pytest.mark.xdist_group(f"export {name}"), *[pytest.mark.slow] * slow]
+    return pytest.param(name, marks=marks)
+
+
 @needs_gcc
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
 @pytest.mark.parametrize(
     "name",
     [
-        "",
+        of_one_export("", slow=False),
         "viscous_temperature",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("quadratic_drag", "stribeck_shape", "torque_ripple")),
+        of_one_export("torque_ripple"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("quadratic_drag", "stribeck_shape")),
     ],
 )
 def test_an_export_compiles_strictly_and_passes_its_own_test(name: str, single: bool, tmp_path: Path) -> None:
     """Every warning an error, nothing from outside but libm, and the recorded answers of the estimator."""
-    effects = in_use(name) if name else NO_EFFECTS
-    folder = tmp_path / "c"
-    assert main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *["--float"] * single]) == 0
+    folder = exported(tmp_path, name, single=single)
     assert sorted(path.name for path in folder.iterdir()) == _FILES
     gcc(folder, *STRICT, *EXACT, "-c", "rw_ekf.c")
     symbols = subprocess.run(["nm", "-u", "rw_ekf.o"], cwd=folder, capture_output=True, text=True, check=True).stdout
@@ -68,14 +93,14 @@ def test_an_export_compiles_strictly_and_passes_its_own_test(name: str, single: 
 
 
 @needs_gcc
+@pytest.mark.xdist_group("export ")
 @pytest.mark.parametrize(
     "constant",
     ["FILTER_GATE", "FLOW_STEP_IN_STRIBECK_SPEEDS", "TRANSITION_SPREAD", "STILLNESS_UNLEARNED", "FILTER_MAX_GAP_S"],
 )
 def test_the_self_test_notices_a_changed_constant(constant: str, tmp_path: Path) -> None:
     """Five numbers of gate, flow, transition and stillness, each a little larger: exit status 1."""
-    folder = tmp_path / "c"
-    main(["export-model", "--c", str(folder), str(model_file(tmp_path))])
+    folder = exported(tmp_path)
     text = (folder / "rw_ekf.c").read_text()
     changed = re.sub(rf"(#define {constant}) (\S+)", r"\1 (\2 * CHANGE)", text)
     assert changed != text
@@ -88,8 +113,7 @@ def test_the_self_test_notices_a_changed_constant(constant: str, tmp_path: Path)
 @needs_gcc
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
     """Neither an address nor an operation without a meaning, over the recorded readings."""
-    folder = tmp_path / "c"
-    main(["export-model", "--c", str(folder), str(model_file(tmp_path, in_use("quadratic_drag")))])
+    folder = exported(tmp_path, "quadratic_drag")
     checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g"]
     gcc(folder, "-std=c99", "-ffp-contract=off", *checks, "rw_ekf.c", "test_rw_ekf.c", "-lm", "-o", "test_rw_ekf")
     done = subprocess.run(["./test_rw_ekf"], cwd=folder, capture_output=True, text=True, check=False)
@@ -100,11 +124,11 @@ def test_sanitizers_find_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
 def test_it_compiles_as_strictly_for_a_cortex_m4(single: bool, tmp_path: Path) -> None:
     """No warning there either."""
-    main(["export-model", "--c", str(tmp_path / "c"), str(model_file(tmp_path)), *["--float"] * single])
+    exported(tmp_path, single=single)
     target = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
     done = subprocess.run(
         ["arm-none-eabi-gcc", *STRICT, *EXACT, *target, "-c", "rw_ekf.c"],
-        cwd=tmp_path / "c", capture_output=True, text=True, check=False,
+        cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
 
@@ -113,8 +137,8 @@ def test_it_compiles_as_strictly_for_a_cortex_m4(single: bool, tmp_path: Path) -
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
 def test_its_self_test_passes_on_a_cortex_m4(single: bool, tmp_path: Path) -> None:
     """Emulated, with newlib's mathematics; memory and stack of the four-parameter filter are below 4 kB together."""
-    main(["export-model", "--c", str(tmp_path / "c"), str(model_file(tmp_path)), *["--float"] * single])
-    status, said = run_on_m4(tmp_path / "c", other_libm=True)
+    exported(tmp_path, single=single)
+    status, said = run_on_m4(tmp_path, other_libm=True)
     assert status == 0, said
     found = re.search(r"(\d+) bytes of stack at most; (\d+) bytes of memory", said)
     assert found is not None, said
@@ -230,12 +254,10 @@ static struct rw_crossing crossing;
 @needs_gcc
 @pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
-@pytest.mark.parametrize("name", ["", "torque_ripple", "motor_saturation"])
+@pytest.mark.parametrize("name", [of_one_export(""), of_one_export("torque_ripple"), "motor_saturation"])
 def test_nothing_that_is_told_breaks_it(name: str, single: bool, tmp_path: Path) -> None:
     """Infinite, absent and absurd numbers in every place, under sanitizers: it ends, and it recovers."""
-    folder = tmp_path / "c"
-    effects = in_use(name) if name else NO_EFFECTS
-    main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *["--float"] * single])
+    folder = exported(tmp_path, name, single=single)
     (folder / "fuzz.c").write_text(_FUZZ)
     checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O1"]
     gcc(folder, "-std=c99", "-ffp-contract=off", *checks, "rw_ekf.c", "fuzz.c", "-lm", "-o", "fuzz")
