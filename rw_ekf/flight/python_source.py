@@ -87,9 +87,14 @@ def comment_of_constant(module: ModuleType, name: str) -> str:
     return ""
 
 
-@functools.cache
-def comments_of_members(kind: Callable[..., Any]) -> dict[str, str]:
+def comments_of_members(kind: type[Any]) -> dict[str, str]:
     """What stands behind each member of a named tuple."""
+    made_by: Callable[..., Any] = kind
+    return _comments_of_members(made_by)
+
+
+@functools.cache
+def _comments_of_members(kind: Callable[..., Any]) -> dict[str, str]:
     text = textwrap.dedent(inspect.getsource(kind))
     tree, comments = ast.parse(text).body[0], _comments(text)
     assert isinstance(tree, ast.ClassDef)
