@@ -148,11 +148,14 @@ def test_two_models_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its processes do not run the script again; the document is the command's, the table has its rows."""
-    script = tmp_path / "script.py"
+    script, short = tmp_path / "script.py", tmp_path / "short.yaml"
+    short.write_text(
+        "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 45.0}}\n", encoding="utf-8"
+    )
     script.write_text(
         "import rw_ekf\n"
         "steps = []\n"
-        "found = rw_ekf.bench(schemes=['pid_current', 'dmc'], progress=steps.append)\n"
+        f"found = rw_ekf.bench(schemes=['pid_current', 'dmc'], scenario={str(short)!r}, progress=steps.append)\n"
         "assert len(steps) == 4, steps\n"
         "assert found.table.num_rows == 4\n"
         "print(found.to_json())\n",
@@ -160,7 +163,8 @@ def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: p
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == json.loads(said(capsys, "bench", "--schemes", "pid_current", "dmc", "--json"))
+    asked = ("bench", "--scenario", str(short), "--schemes", "pid_current", "dmc", "--json")
+    assert json.loads(done.stdout) == json.loads(said(capsys, *asked))
 
 
 def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(

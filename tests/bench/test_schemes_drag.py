@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -15,13 +16,14 @@ from rw_ekf.attitude_bench.metrics import WINDOW_S, metrics_of
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES, WheelSheet
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("drag schemes")]
 
 TENTH_HZ = 2.0 * np.pi * 0.1
 
 
+@functools.cache
 def bench(name: str, noise_rpm: float, make: Callable[..., Any] | None = None, **given: Any) -> BenchRun:
-    """One run of seed 1 on the default scenario, with parameters in place of the scheme's own."""
+    """One run of seed 1 on the default scenario, with parameters in place of the scheme's own; made once."""
     scenario, entry = Scenario(), SCHEMES[name]
     start = start_of(entry, scenario, noise_rpm, 1)
     scheme = (make or entry.make)(start.sheet, **given)
