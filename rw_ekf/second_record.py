@@ -126,7 +126,7 @@ def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     places = [
         (i, constant)
         for i, term in enumerate(setup.effects.terms)
-        for constant in term.effect.refined
+        for constant in term.refined
         if term.effect.in_state
     ]
     if not places:

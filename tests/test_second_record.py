@@ -108,3 +108,16 @@ def test_a_law_that_one_record_left_open_is_settled_by_the_next_or_left_open() -
     for one in (term, other):
         run = replay_log(second, model=replace(model, effects=EffectSet((one,))))
         assert abs(run.belief.mean[5] + 0.01714) < 3.0 * run.belief.std[5]
+
+
+def test_a_bristle_without_damping_goes_through_another_record() -> None:
+    """Dahl's damping of 0 is another form and no number to settle: a replay of it ended in a traceback."""
+    bristle = Term(CATALOGUE["presliding_hysteresis"], (0.015,), (0.002,))
+    record = run_log(simulated(["presliding_hysteresis:deflection_rad=0.015,damping=0"], seed=3, samples=2000))
+    covariance = tuple(tuple(row) for row in np.diag(np.square([0.01, 2.0e-5, 1.0e-3, 5.0e-3, 0.002])).tolist())
+    known = WheelModel(
+        FrictionParameters(*TRUTH.parameters), covariance, WHEEL.stribeck_speed_rad_s, effects=EffectSet((bristle,))
+    )
+    run = replay_log(record, model=known)
+    assert run.setup.effects.terms[0].shape == bristle.shape
+    assert abs(run.belief.mean[5] - 0.015) < 3.0 * run.belief.std[5]

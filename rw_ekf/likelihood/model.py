@@ -64,8 +64,7 @@ class Model:
             (i, constant)
             for i, term in enumerate(self.terms)
             if not term.settled
-            for constant in term.effect.refined
-            if term.shape[constant] != 0.0
+            for constant in term.refined
         ]
 
     @property

@@ -259,6 +259,11 @@ class Term:
         """Length of the coefficients: the amplitude of a sine and a cosine."""
         return math.hypot(*self.values)
 
+    @property
+    def refined(self) -> tuple[int, ...]:
+        """Places of the shape constants that a fit moves with the rest: one that is 0, as Dahl's damping, is none."""
+        return tuple(place for place in self.effect.refined if self.shape[place] != 0.0)
+
     def described(self, covariance: Matrix) -> dict[str, dict[str, Any]]:
         """The parameters of the diagnosis document, from the covariance (m, m) of the coefficients."""
         return self.effect.parameters_of(self, covariance)
