@@ -124,10 +124,7 @@ def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     Unchanged for a model whose effects have none that are fitted.
     """
     places = [
-        (i, constant)
-        for i, term in enumerate(setup.effects.terms)
-        for constant in term.refined
-        if term.effect.in_state
+        (i, constant) for i, term in enumerate(setup.effects.terms) for constant in term.refined if term.effect.in_state
     ]
     if not places:
         return setup

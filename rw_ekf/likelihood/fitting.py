@@ -226,8 +226,18 @@ class Fit:
 
     def knows(self, effect_id: str, sigmas: float) -> bool:
         """Whether an effect's size is known to so many sigma: a fit that ran away claims a gain, but no size."""
+        return self.sigmas_of(effect_id) > sigmas
+
+    def sigmas_of(self, effect_id: str) -> float:
+        """By how many standard deviations an effect is there at all; of laws without a formula, the least of each.
+
+        A law has coefficients that the record says nothing of beside those that it knows: sqrt(v' V^-1 v) of all.
+        """
+        laws = [item for item in self.terms_of(effect_id) if item.term.law is not None]
+        if laws:
+            return min(_sigmas(np.array(item.term.values), item.covariance) for item in laws)
         size, std = self.size_of(effect_id)
-        return std > 0.0 and size > sigmas * std
+        return size / std if std > 0.0 else 0.0
 
     def may_matter(self, effect_id: str, facts: RecordFacts) -> bool:
         """Whether an effect in the model is large enough to matter in practice, or not known to be smaller."""
@@ -263,6 +273,11 @@ class Fit:
         if shapes:
             block = np.linalg.inv(np.linalg.inv(block)[: len(own), : len(own)])
         return [float(v) for v in np.diag(block)]
+
+
+def _sigmas(values: Float64Array, covariance: Float64Array) -> float:
+    """The length of values (m,) by the measure of their covariance (m, m)."""
+    return math.sqrt(max(float(values @ np.linalg.lstsq(covariance, values, rcond=None)[0]), 0.0))
 
 
 def fit_model(problem: Problem, start: Start, turns: int = TURNS) -> Fit:

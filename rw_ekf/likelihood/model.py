@@ -60,12 +60,7 @@ class Model:
     @property
     def refined(self) -> list[tuple[int, int]]:
         """(term, constant) of every shape constant that is fitted with the rest."""
-        return [
-            (i, constant)
-            for i, term in enumerate(self.terms)
-            if not term.settled
-            for constant in term.refined
-        ]
+        return [(i, constant) for i, term in enumerate(self.terms) if not term.settled for constant in term.refined]
 
     @property
     def vector(self) -> Float64Array:

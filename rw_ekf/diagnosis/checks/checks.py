@@ -93,9 +93,9 @@ def _matters(search: Search, fit: Fit, name: str) -> Check:
 
 def _of_known_size(fit: Fit, name: str) -> Check:
     stands = knows_size(fit, name, LEAST_SIGMAS)
-    size, std = fit.size_of(name)
-    sigmas = size / std if std > 0.0 else None
-    return Check("size is known, sigmas", name, sigmas, LEAST_SIGMAS, _unless(stands, Reason.TOO_SMALL))
+    return Check(
+        "size is known, sigmas", name, fit.sigmas_of(name) or None, LEAST_SIGMAS, _unless(stands, Reason.TOO_SMALL)
+    )
 
 
 def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:

@@ -54,7 +54,8 @@ def with_laws(found: Found, advance: Advance) -> Found:
     advance("mapping the residual")
     other = mapped(prepared, selection, ledger)
     if not other.new_ids or (other.is_unexplained and found.is_unexplained):
-        weighed = replace(found, weighed=ledger.rows)
+        tried = {**selection.trials, **found.selection.trials}  # what became of the laws as well
+        weighed = replace(found, weighed=ledger.rows, selection=replace(found.selection, trials=tried))
         return _unexplained(weighed) if ahead > 0.0 and not other.new_ids else weighed
     wide = with_widths(other, advance)
     return replace(wide, prepared=found.prepared, lattice=found.lattice, corrected=found.corrected)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from rw_ekf.diagnosis.checks.checks import of_size
 from rw_ekf.diagnosis.hypotheses.changes import settled_change
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
@@ -98,7 +96,7 @@ def _with_laws(
     search: Search, row: Row, ledger: Ledger, selection: Selection, laws: Laws, *,
     most: int = MOST_TRIED, ahead_of: Row | None = None,
 ) -> tuple[Ledger, Selection]:  # fmt: skip
-    """With the likeliest laws beside a row, and each of those without every named effect of the row.
+    """With the likeliest laws beside a row, and each of those without every named effect, and every law, of the row.
 
     ahead_of: only such as are likelier than this row, and go with no clock: a drift, or a walk, is asked after them.
     """
@@ -106,26 +104,21 @@ def _with_laws(
     for law in [law for law in laws(row.fit) if ahead_of is None or not law.passes][:most]:
         if law.weight <= least:
             break
-        fit = row.fit.refitted(row.fit.model.with_terms(law.term))
+        fit, model = row.fit.refitted(row.fit.model.with_terms(law.term)), row.fit.model
+        earlier = [term for term in model.terms if term.law is not None and term.law.prior_std]
         if law.term.effect is CHANGE:
-            fit = settled_change(row.fit, fit)
-        if not _is_seen(fit):
+            fit, earlier = settled_change(row.fit, fit), []
+        rows = [row.fit.refitted(model.changed(term, law.term)) for term in earlier]
+        if fit.knows(law.term.id, LEAST_SIGMAS):
+            named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
+            rows += [fit, *(search.without(fit, name) for name in named)]
+        if not rows:
             continue
         trial, known = Trial.of_law(law.term, row.fit, fit), selection.trials.get(law.term.id)
         if known is None or known.statistic < trial.statistic:
             selection = selection.tried(trial)
-        named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
-        ledger = ledger.with_rows([fit, *(search.without(fit, name) for name in named)])
+        ledger = ledger.with_rows(rows)
     return ledger, selection
-
-
-def _is_seen(fit: Fit) -> bool:
-    """Whether the law that came last is known from nothing at all: v' V^-1 v of its coefficients, in sigmas."""
-    term, at = next(item for item in reversed(fit.model.placed) if item[0].law is not None)
-    values = np.array(term.values)
-    covariance = fit.likelihood.covariance[at, at]
-    known = float(values @ np.linalg.lstsq(covariance, values, rcond=None)[0])
-    return known > LEAST_SIGMAS**2
 
 
 def _exchanged(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
