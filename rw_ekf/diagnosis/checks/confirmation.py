@@ -7,12 +7,11 @@ from typing import Any
 
 from rw_ekf.diagnosis.checks.cross_fit import expected_excess
 from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself
-from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance
+from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance, performance_beside
 from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import (
     BLIND,
-    GREAT_GAIN,
     LEAST_SIGMAS,
     REAL_GAIN,
     UNDOUBTED_P,
@@ -33,7 +32,6 @@ _VETOED = (
     ("horizon_20s_rms_rpm", "error 20 s ahead"),
     ("free_run_rms_rpm", "free-run error"),
 )
-_FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 
 
 def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str | None, bool]:
@@ -70,15 +68,16 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
 def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words.
 
-    Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
-    errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
-    number of the other part is off by, which torque noise would hide, shows there.
+    Sizes come from another part, so that small ones move figures by chance. A model that leaves no torque noise predicts
+    one step as its free run does, and what a number of the other part is off by, which torque noise would hide, shows
+    there: such a one is asked at the torque noise of the model before it as well.
     """
-    before, after = performance(prepared, less).figures, performance(prepared, more).figures
-    gain = _gain(prepared, less, more)
-    if gain > GREAT_GAIN:
-        before = {key: before[key] for key in _FAR_AHEAD}
-    return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
+    before = performance(prepared, less).figures
+    limits = (WORST, WORST_NIS) if _gain(prepared, less, more) > REAL_GAIN else (WORSE, WORSE_NIS)
+    worse = worsened(before, performance(prepared, more).figures, *limits)
+    if worse is None:
+        return None
+    return worsened(before, performance_beside(prepared, more, less).figures, *limits)
 
 
 def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:
