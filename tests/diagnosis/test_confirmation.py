@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from rw_ekf.diagnosis.checks import confirmation
 from rw_ekf.diagnosis.checks.heldout import Performance
+from rw_ekf.units import RAD_S_PER_RPM
 
 BEFORE = {
     "one_step_rms_rpm": 1.00, "horizon_1s_rms_rpm": 1.0, "horizon_20s_rms_rpm": 1.5, "free_run_rms_rpm": 2.0,
@@ -16,25 +18,34 @@ BEFORE = {
 }  # fmt: skip
 
 
-def refusal(monkeypatch: pytest.MonkeyPatch, **after: float) -> str | None:
-    """What is said of an effect that changes these figures."""
+def refusal(monkeypatch: pytest.MonkeyPatch, unknown: float = 0.0, **after: float) -> str | None:
+    """What is said of an effect that changes these figures; unknown: by how much its part knows its numbers too little."""
     less: Any = "less"
-    more: Any = "more"
+    more: Any = SimpleNamespace(noise=SimpleNamespace(variance=RAD_S_PER_RPM**2))
     nothing: Any = None
-    figures = {less: BEFORE, more: {**BEFORE, **after}}
-    monkeypatch.setattr(confirmation, "performance", lambda _, fit: Performance(figures[fit], nothing, np.zeros(0)))
+
+    def figures(_: object, fit: object) -> Performance:
+        return Performance(BEFORE if fit is less else {**BEFORE, **after}, nothing, np.zeros(0))
+
+    monkeypatch.setattr(confirmation, "performance", figures)
+    monkeypatch.setattr(confirmation, "by_fit_part", lambda _, fit: fit)
+    monkeypatch.setattr(confirmation, "for_want_of_knowledge", lambda _, fit: 0.0 if fit is less else unknown)
     return confirmation._worse(nothing, less, more)
 
 
-def test_an_effect_that_halves_the_free_run_is_not_refused_for_its_nis(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_want_of_knowledge_explains_refuses_no_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     """A motor gain by temperature, 2.0 -> 0.4 rpm, whose NIS rose as it leaves no torque noise to hide anything."""
-    assert refusal(monkeypatch, free_run_rms_rpm=0.4, nis_mean=1.9, one_step_rms_rpm=1.09) is None
+    assert refusal(monkeypatch, 0.08, free_run_rms_rpm=0.4, nis_mean=1.9, one_step_rms_rpm=1.09) is None
+    assert refusal(monkeypatch, 0.06, one_step_rms_rpm=1.15, nis_mean=1.3) is None
 
 
-def test_one_that_helps_less_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same NIS with a free run nearer by a third, or by nothing, refuses."""
-    assert refusal(monkeypatch, free_run_rms_rpm=1.35, nis_mean=1.9) == "NIS goes from 1.1 to 1.9"
+def test_what_it_does_not_explain_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the free run gains."""
+    assert refusal(monkeypatch, 0.02, free_run_rms_rpm=0.4, nis_mean=1.9) == "NIS goes from 1.1 to 1.77"
     assert refusal(monkeypatch, nis_mean=1.9) == "NIS goes from 1.1 to 1.9"
+    said = refusal(monkeypatch, 0.01, one_step_rms_rpm=1.2)
+    assert said is not None
+    assert "one-step error grows" in said
 
 
 def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> None:

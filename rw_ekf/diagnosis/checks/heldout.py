@@ -67,18 +67,6 @@ def _figures(prepared: Prepared, fit: Fit) -> Performance:
     return replace(found, figures=figures, trace=trace)
 
 
-def performance_beside(prepared: Prepared, fit: Fit, other: Fit) -> Performance:
-    """`performance` at no less torque noise than another model has: the same filter, as far as it follows the readings.
-
-    A dry friction that walks is followed in its own way.
-    """
-    part, noise = by_fit_part(prepared, fit), by_fit_part(prepared, other).noise
-    if part.noise.ratio >= noise.ratio or walk_of(fit) is not None:
-        return performance(prepared, fit)
-    likelihood = replace(part.likelihood, noise=replace(part.noise, ratio=noise.ratio))
-    return _performance(prepared, replace(part, likelihood=likelihood), None)
-
-
 def foretold_better(prepared: Prepared, fit: Fit) -> float:
     """Log of how much likelier a filter that follows the walk of a fit makes the held-out readings.
 
