@@ -19,7 +19,7 @@ BEFORE = {
 
 
 def refusal(monkeypatch: pytest.MonkeyPatch, unknown: float = 0.0, **after: float) -> str | None:
-    """What is said of an effect that changes these figures; unknown: by how much its part knows its numbers too little."""
+    """What is said of an effect that changes these figures; unknown: eq. 10e, for want of knowledge of its numbers."""
     less: Any = "less"
     more: Any = SimpleNamespace(noise=SimpleNamespace(variance=RAD_S_PER_RPM**2))
     nothing: Any = None

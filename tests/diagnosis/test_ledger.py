@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.checks.checks import Check
 from rw_ekf.diagnosis.diagnose import richer_part
 from rw_ekf.diagnosis.hypotheses.contenders import Search
-from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.ledger import choice
+from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.selection import UNDECIDED, Selection
+from rw_ekf.diagnosis.investigate import learned
+from rw_ekf.diagnosis.investigate.found import mapped
+from rw_ekf.diagnosis.ledger import choice, growth
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.ledger.growth import begun, grown
@@ -21,9 +26,10 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.fitting import Fit, _sigmas
 from rw_ekf.model.effect import Term
 from tests.diagnosis.simulated import log_of, simulated
+from tools.proof.nameless import Nameless
 
 
 @lru_cache
@@ -118,3 +124,67 @@ def test_where_every_row_fails_the_model_alone_stands(monkeypatch: pytest.Monkey
     monkeypatch.setattr(choice, "checks", nothing_stands)
     _, selection = chosen(record(), search(), *full())
     assert selection.new_ids == []
+
+
+@lru_cache
+def windy() -> Prepared:
+    """A wheel whose drag grows with the square of the speed and with the pressure, which is logged."""
+    return richer_part(prepare(source_of([Nameless("windage by pressure", 31).log()]), None, None, "blocks"))
+
+
+def columns_of(fit: Fit) -> tuple[str, ...]:
+    """Of the laws of a fitted model."""
+    return tuple(term.law.column for term in fit.model.terms if term.law is not None)
+
+
+def test_a_law_is_tried_in_the_place_of_one_that_came_before_it_as_well_as_beside_it() -> None:
+    """The pressure's drag, found last, did better alone than beside a motor gain by speed that had gone before it."""
+    prepared = windy()
+    base, there = prepared.base, Search(prepared.record, prepared.facts, lambda text: None)
+    ledger, selection = begun(base, prepared.facts)
+    offered = [law for law in laws_beside(prepared, base) if law.term.effect is CATALOGUE["learned_law"]]
+    right = next(law for law in offered if law.ground.column == "pressure_Pa" and law.ground.acts_as == "windage")
+    wrong = next(law for law in offered if law.ground.quantity == "speed_size" and law.ground.acts_as == "motor_gain")
+    ledger = ledger.with_rows([base.refitted(base.model.with_terms(wrong.term))])
+    row = next(row for row in ledger.rows if row.effects)
+    grown_on, tried = growth._with_laws(there, row, ledger, selection, lambda fit: [right])
+    assert {("",), ("pressure_Pa",)} <= {columns_of(row.fit) for row in grown_on.rows}
+    assert "learned_law" in tried.trials
+
+
+def test_a_law_is_known_by_all_its_coefficients_together() -> None:
+    """What a record says nothing of takes nothing from what it knows to ten sigmas."""
+    assert _sigmas(np.array([1.0, 0.0]), np.diag([0.01, 100.0])) == pytest.approx(10.0)
+
+
+def test_what_became_of_a_law_that_does_not_stand_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A record of a high rate asks its rows again on all readings, and a law that stood there had never been tried."""
+    prepared = windy()
+    ledger, selection = begun(prepared.base, prepared.facts)
+    monkeypatch.setattr(
+        learned, "grown_with_laws",
+        lambda there, rows, found, laws: growth._with_laws(there, rows.rows[0], rows, found, laws, most=1),
+    )  # fmt: skip
+    monkeypatch.setattr(learned, "chosen", lambda _, __, rows, found: (rows, replace(found, final=rows.base)))
+    found = learned.with_laws(mapped(prepared, selection, ledger), lambda text: None)
+    assert any("learned_law" in row.effects for row in found.weighed)
+    assert "learned_law" in found.selection.trials
+
+
+def test_without_its_only_effect_a_model_is_the_base_model_as_it_was_fitted() -> None:
+    """A gain over another fit of the base model, which ended in a shallower valley, would be none."""
+    prepared = record()
+    assert prepared.without(with_effects("offset_torque"), "offset_torque").likelihood.value >= (
+        prepared.base.likelihood.value
+    )
+
+
+def test_what_is_significant_and_was_asked_nothing_has_one_reason_everywhere() -> None:
+    """The sentence said not significant, the table too small to matter."""
+    _, selection = full()
+    trial = replace(selection.trials["cubic_drag"], p_value=1.0e-6, decision=UNDECIDED)
+    undecided = selection.tried(trial)
+    assert undecided.settled([]).trials["cubic_drag"].decision == Decision(Reason.TOO_SMALL)
+    assert undecided.settled(["x"]).trials["cubic_drag"].decision.words == "explained by x"
+    unlikely = replace(trial, effect=CATALOGUE["learned_law"])
+    assert undecided.tried(unlikely).settled([]).trials["learned_law"].decision == Decision(Reason.NOT_LIKELY)
