@@ -33,15 +33,20 @@ def refusal(monkeypatch: pytest.MonkeyPatch, unknown: float = 0.0, **after: floa
     return confirmation._worse(nothing, less, more)
 
 
-def test_what_want_of_knowledge_explains_refuses_no_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_that_halves_the_free_run_is_not_refused_for_its_nis(monkeypatch: pytest.MonkeyPatch) -> None:
     """A motor gain by temperature, 2.0 -> 0.4 rpm, whose NIS rose as it leaves no torque noise to hide anything."""
-    assert refusal(monkeypatch, 0.08, free_run_rms_rpm=0.4, nis_mean=1.9, one_step_rms_rpm=1.09) is None
+    assert refusal(monkeypatch, free_run_rms_rpm=0.4, nis_mean=1.9, one_step_rms_rpm=1.09) is None
+
+
+def test_nor_is_one_whose_figures_want_of_knowledge_explains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drag by speed, its free run nearer by a third, whose numbers the part that they come from hardly knew."""
+    assert refusal(monkeypatch, 0.14, free_run_rms_rpm=1.35, nis_mean=1.9) is None
     assert refusal(monkeypatch, 0.06, one_step_rms_rpm=1.15, nis_mean=1.3) is None
 
 
-def test_what_it_does_not_explain_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the free run gains."""
-    assert refusal(monkeypatch, 0.02, free_run_rms_rpm=0.4, nis_mean=1.9) == "NIS goes from 1.1 to 1.77"
+def test_one_that_helps_less_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same NIS with a free run nearer by a third, or by nothing, refuses, as does what is more than that."""
+    assert refusal(monkeypatch, free_run_rms_rpm=1.35, nis_mean=1.9) == "NIS goes from 1.1 to 1.9"
     assert refusal(monkeypatch, nis_mean=1.9) == "NIS goes from 1.1 to 1.9"
     said = refusal(monkeypatch, 0.01, one_step_rms_rpm=1.2)
     assert said is not None

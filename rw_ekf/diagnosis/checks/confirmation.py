@@ -12,6 +12,7 @@ from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import (
     BLIND,
+    GREAT_GAIN,
     LEAST_SIGMAS,
     REAL_GAIN,
     UNDOUBTED_P,
@@ -33,6 +34,7 @@ _VETOED = (
     ("horizon_20s_rms_rpm", "error 20 s ahead"),
     ("free_run_rms_rpm", "free-run error"),
 )
+_FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 
 
 def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str | None, bool]:
@@ -71,10 +73,14 @@ def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
 
     Sizes come from another part, so that small ones move figures by chance. A model that leaves no torque noise
     predicts one step as its free run does, and what a number of the other part is off by, which torque noise would
-    hide, shows there: squared errors may grow by that, were all numbers as far off as a size that counts for known.
+    hide, shows there: squared errors may grow by that, were all numbers as far off as a size that counts for known;
+    and where the free run is nearer by half only errors far ahead count.
     """
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
-    limits = (WORST, WORST_NIS) if _gain(prepared, less, more) > REAL_GAIN else (WORSE, WORSE_NIS)
+    gain = _gain(prepared, less, more)
+    if gain > GREAT_GAIN:
+        before = {key: before[key] for key in _FAR_AHEAD}
+    limits = (WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)
     if worsened(before, after, *limits) is None:
         return None
     unknown = for_want_of_knowledge(prepared, more) - for_want_of_knowledge(prepared, less)
