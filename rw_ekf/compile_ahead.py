@@ -35,8 +35,8 @@ _WITH_EFFECTS = frozenset((*EFFECTS, *_ONE_STEP_WITH_EFFECTS, *_AHEAD))
 _TOGETHER = (_WITH_EFFECTS, frozenset(FILTER), frozenset(FIT) - {*FILTER, *_WITH_EFFECTS})
 # Processor time of what is compiled first in a process, and of each kernel after it, on the machine whose loop of plain
 # Python took _LOOP_S (tools.measure.startup --first).
-_FIRST_S = (8.8, 7.5, 2.5)
-_NEXT_S = (6.6, 0.0, 0.9)
+_FIRST_S = (16.5, 11.0, 3.5)
+_NEXT_S = (8.2, 0.0, 1.3)
 _LOOP_S = 0.0095
 
 _PLAIN = {"NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}  # it colours what it might have to say 20,000 times
