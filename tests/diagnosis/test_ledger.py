@@ -14,7 +14,7 @@ from rw_ekf.diagnosis.checks.checks import Check
 from rw_ekf.diagnosis.diagnose import richer_part
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
-from rw_ekf.diagnosis.hypotheses.selection import UNDECIDED, Selection
+from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate import learned
 from rw_ekf.diagnosis.investigate.found import mapped
 from rw_ekf.diagnosis.ledger import choice, growth
@@ -169,22 +169,3 @@ def test_what_became_of_a_law_that_does_not_stand_is_kept(monkeypatch: pytest.Mo
     found = learned.with_laws(mapped(prepared, selection, ledger), lambda text: None)
     assert any("learned_law" in row.effects for row in found.weighed)
     assert "learned_law" in found.selection.trials
-
-
-def test_without_its_only_effect_a_model_is_the_base_model_as_it_was_fitted() -> None:
-    """A gain over another fit of the base model, which ended in a shallower valley, would be none."""
-    prepared = record()
-    assert prepared.without(with_effects("offset_torque"), "offset_torque").likelihood.value >= (
-        prepared.base.likelihood.value
-    )
-
-
-def test_what_is_significant_and_was_asked_nothing_has_one_reason_everywhere() -> None:
-    """The sentence said not significant, the table too small to matter."""
-    _, selection = full()
-    trial = replace(selection.trials["cubic_drag"], p_value=1.0e-6, decision=UNDECIDED)
-    undecided = selection.tried(trial)
-    assert undecided.settled([]).trials["cubic_drag"].decision == Decision(Reason.TOO_SMALL)
-    assert undecided.settled(["x"]).trials["cubic_drag"].decision.words == "explained by x"
-    unlikely = replace(trial, effect=CATALOGUE["learned_law"])
-    assert undecided.tried(unlikely).settled([]).trials["learned_law"].decision == Decision(Reason.NOT_LIKELY)

@@ -128,7 +128,7 @@ def _held_out(prepared: Prepared, fit: Fit, name: str, p: float) -> Check:
 
 def _predicts(prepared: Prepared, fit: Fit, name: str) -> Check:
     """Whether a law without a formula, which may be anything, makes the held-out error smaller at all."""
-    gained = gain_over(prepared, prepared.without(fit, name), fit)
+    gained = gain_over(prepared, fit.without(name), fit)
     why = Decision(Reason.NOT_CONFIRMED, "no held-out error is smaller for it")
     stands = gained is None or gained >= LAW_GAINS
     return Check("held-out error falls, percent", name, gained, LAW_GAINS, None if stands else why)

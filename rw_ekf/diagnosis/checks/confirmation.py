@@ -24,7 +24,6 @@ from rw_ekf.diagnosis.thresholds import (
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect_kinds import LawEffect
-from rw_ekf.units import rpm_from_rad_s
 
 Figures = dict[str, Any]
 
@@ -45,7 +44,7 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
     hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
     alone has no say then. A law without a formula has nothing to show for itself but what it predicts.
     """
-    less, unjudged = prepared.without(more, name), False
+    less, unjudged = more.without(name), False
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
@@ -71,32 +70,15 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
 def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words.
 
-    Sizes come from another part, so that small ones move figures by chance. A model that leaves no torque noise
-    predicts one step as its free run does, and what a number of the other part is off by, which torque noise would
-    hide, shows there: squared errors may grow by that, were all numbers as far off as a size that counts for known;
-    and where the free run is nearer by half only errors far ahead count.
+    Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
+    errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
+    number of the other part is off by, which torque noise would hide, shows there.
     """
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
     gain = _gain(prepared, less, more)
     if gain > GREAT_GAIN:
         before = {key: before[key] for key in _FAR_AHEAD}
-    limits = (WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)
-    if worsened(before, after, *limits) is None:
-        return None
-    unknown = for_want_of_knowledge(prepared, more) - for_want_of_knowledge(prepared, less)
-    room = LEAST_SIGMAS**2 * max(unknown, 0.0)
-    noise_rpm = rpm_from_rad_s(math.sqrt(by_fit_part(prepared, more).noise.variance))
-    return worsened(before, _less_room(after, room, noise_rpm), *limits)
-
-
-def _less_room(figures: Figures, room: float, noise_rpm: float) -> Figures:
-    """Figures without what want of knowledge adds: to squared errors in units of the readings' noise, and to NIS."""
-    errors = {
-        key: math.sqrt(max(error**2 - room * noise_rpm**2, 0.0)) if (error := figures.get(key)) else None
-        for key, _ in _VETOED
-    }
-    nis = figures.get("nis_mean")
-    return {**errors, "nis_mean": nis if nis is None else max(nis - room, min(nis, 1.0))}
+    return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
 
 
 def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:

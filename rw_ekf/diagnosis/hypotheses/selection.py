@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rw_ekf.diagnosis.hypotheses.candidates import Score, p_value
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
-from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
-from rw_ekf.diagnosis.thresholds import INFLATION, SIGNIFICANT_P
+from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts, Term
-from rw_ekf.model.effect_kinds import LawEffect
 
 UNDECIDED = Decision(Reason.NOT_SIGNIFICANT)
 
@@ -82,19 +81,6 @@ class Selection:
         """With a decision about a candidate, and the model that it leads to, if that is another."""
         trials = {**self.trials, name: replace(self.trials[name], decision=decision)}
         return replace(self, trials=trials, final=self.final if final is None else final)
-
-    def settled(self, standing: Sequence[str]) -> Selection:
-        """With a reason for what is significant and was asked nothing: what stands explains it, or it is too small."""
-        left = [
-            trial
-            for trial in self.trials.values()
-            if trial.decision.reason is Reason.NOT_SIGNIFICANT and trial.p_value < SIGNIFICANT_P
-        ]
-        found = self
-        for trial in left:
-            small = Reason.NOT_LIKELY if issubclass(trial.effect, LawEffect) else Reason.TOO_SMALL
-            found = found.decided(trial.effect.id, explained_by(*standing) if standing else Decision(small))
-        return found
 
     def without(self, name: str) -> Fit:
         """The final model without an effect; the search may have fitted that already."""

@@ -80,17 +80,6 @@ class Prepared:
         """The same with the roles of the two parts exchanged."""
         return replace(self, split=self.split.exchanged(), fit_part=self.heldout, heldout=self.fit_part, _of_fit={})
 
-    def without(self, fit: Fit, name: str) -> Fit:
-        """A fit of the whole record without an effect; where that is the base model, the likelier of both fits.
-
-        Near rest the likelihood has several valleys: a gain over a fit that ended in a shallow one would be none.
-        """
-        less = fit.without(name)
-        is_base = (
-            less.model.effects.ids == self.base.model.effects.ids and less.model.stribeck == self.base.model.stribeck
-        )
-        return self.base if is_base and self.base.likelihood.value >= less.likelihood.value else less
-
     def remember(self, what: str, fit: Fit, given: object) -> None:
         """Let what a fit of the whole record gives be this."""
         self._of_fit[what, id(fit)] = fit, given

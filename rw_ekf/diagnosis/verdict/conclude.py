@@ -73,11 +73,8 @@ def judgement(found: Found, advance: Advance) -> Judged:
     doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
     reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
     for name in found.new_ids:
-        known = selection.trials[name].decision.reason is not Reason.NOT_SIGNIFICANT
-        if doubted and name not in doubted and known:
-            continue  # what stands beside one that is doubted keeps what a check said of it alone
         selection = selection.decided(name, Decision(reason))
-    found = replace(found, selection=selection.settled(found.new_ids))
+    found = replace(found, selection=selection)
     verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noise.sentence, doubted))
     advance("writing the model")
     model = augmented_model(found, lattice) if is_better and not doubted else None

@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.thresholds import SIGNIFICANT_P
 from rw_ekf.diagnosis.verdict.explanations import explanation_entries, surviving
 from rw_ekf.diagnosis.verdict.judged import Judged
 from rw_ekf.diagnosis.verdict.reading import readings
@@ -136,6 +137,9 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)
+                if trial.decision.reason is Reason.NOT_SIGNIFICANT and trial.p_value < SIGNIFICANT_P:
+                    behind = found.new_ids
+                    entry["decision"] = explained_by(*behind) if behind else Decision(Reason.TOO_SMALL)
             for group in verdict.indistinguishable:
                 if name in group[1:]:
                     entry["decision"] = Decision(Reason.ALIKE, group[0])
@@ -173,7 +177,7 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     final = found.selection.final
     if found.new_ids == [name] and found.lattice is None:
         return percent_better(before.figures, after.figures)
-    return gain_over(found.prepared, found.prepared.without(final, name), final)
+    return gain_over(found.prepared, final.without(name), final)
 
 
 def described(fit: Fit, name: str) -> dict[str, Any]:
