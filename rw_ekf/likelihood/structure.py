@@ -14,13 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.profile import LEAST_RATIO
-from rw_ekf.model.state import COULOMB, STATIC
-from rw_ekf.wheel.effect_table import NO_EFFECTS
+from rw_ekf.model.effect import Term
+from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
 _RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a regressor explains is no process noise any more
@@ -40,9 +42,21 @@ class Structure:
 
 
 def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
-    """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to.
+    """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
+    model = fit.model
+    probe = EffectSet((Term.of(TORQUE),))
+    rows = predict(
+        fit.linearised.record, np.array([*model.parameters, 0.0]), probe, model.stribeck, fit.trajectory,
+        with_rows=True, with_slopes=False,
+    ).rows  # fmt: skip
+    return -rows[:, STATE_SIZE], rows[:, COULOMB] + rows[:, STATIC]
 
-    A torque is what the motor drives with: of a gain of 1 a current that is k I and a little more, or less.
+
+def _slopes_away_from_rest(fit: Fit) -> tuple[Float64Array, Float64Array]:
+    """The same where a wheel slips all along, without the routines for effects, which only a diagnosis has compiled.
+
+    A torque is what the motor drives with: of a gain of 1 a current that is k I and a little more, or less. Where a
+    wheel stops or breaks away within an interval such a difference is not the slope that a diagnosis goes by.
     """
     record, parameters, stribeck = fit.linearised.record, fit.model.parameters, fit.model.stribeck
     pieces = record.course.pieces
@@ -137,7 +151,7 @@ def _combination(beside: Float64Array, lengths: Float64Array) -> Float64Array:
 
 def _regressors(fit: Fit) -> Float64Array:
     """One-step slopes by what is tried, (n, m): torques and dry frictions that depend on speed, current and time."""
-    drive, dry = slopes_by_torque(fit)
+    drive, dry = _slopes_away_from_rest(fit)
     record, model = fit.linearised.record, fit.model
     n = drive.size
     speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
