@@ -40,19 +40,19 @@ _OWN = {
     "csv": "rw_ekf.logs.csv_log:FORMAT",
 }
 _LAST = "csv"  # takes what nobody else takes
-_FOREIGN = (
+_FOREIGN: tuple[tuple[bytes | tuple[bytes, ...], str], ...] = (
     (b"BZh", "compressed with bzip2: unpack it first"),
     (b"\xfd7zXZ", "compressed with xz: unpack it first"),
     (b"PK\x03\x04", "a zip archive: unpack it first, or save the sheet as CSV if it is a spreadsheet"),
     (b"\xa3\x95\x80", "a binary DataFlash log of ArduPilot: write it as text, with mavlogdump.py"),
     (b"FEA1", "a Feather file of version 1: save it as Feather 2, Parquet or CSV"),
-    (b"\x80\x04\x95", "a pickle of Python, which may run anything when it is opened: save the table as Parquet or CSV"),
-    (b"\x80\x05\x95", "a pickle of Python, which may run anything when it is opened: save the table as Parquet or CSV"),
+    (
+        (b"\x80\x04\x95", b"\x80\x05\x95"),
+        "a pickle of Python, which may run anything when it is opened: save the table as Parquet or CSV",
+    ),
     (b"%PDF-", "a PDF, which has no numbers in columns: save the log itself"),
-    (b"<!doctype html", "a web page: save its table as CSV, or hand over what pandas.read_html makes of it"),
-    (b"<html", "a web page: save its table as CSV, or hand over what pandas.read_html makes of it"),
-    (b"<table", "a web page: save its table as CSV, or hand over what pandas.read_html makes of it"),
 )
+_PAGE = (b"<!doctype html", b"<html", b"<table")  # as a web page begins, in whatever case
 
 
 def format_of(path: Path, name: str) -> LogFormat:
@@ -64,8 +64,10 @@ def format_of(path: Path, name: str) -> LogFormat:
         if key != _LAST and form.recognises(head, suffix):
             return form
     for magic, what in _FOREIGN:
-        if head.startswith(magic) or head.lstrip().lower().startswith(magic):
+        if head.startswith(magic):
             raise LogError(f"{name}: is {what}")
+    if head.lstrip().lower().startswith(_PAGE):
+        raise LogError(f"{name}: is a web page: save its table as CSV, or hand over what pandas.read_html makes of it")
     if suffix in (".parquet", ".mat"):
         kind = "Parquet" if suffix == ".parquet" else "MATLAB"
         raise LogError(

@@ -1,4 +1,4 @@
-"""Measure the daemon: a simulated wheel on a pty, 10 Hz, ten minutes; lateness, processor share, memory, first turn.
+"""Measure the daemon: a simulated wheel on a pty, 10 Hz, ten minutes; lateness, processor share, memory.
 
 python -m tools.measure.daemon [--minutes 10] [--output '{mcap: true, prometheus: "127.0.0.1:9464", influx: file}']
 python -m tools.measure.daemon --minutes 2 --clients 100      that watch the page of the run
