@@ -46,11 +46,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """
     if hasattr(session.config, "workerinput") or session.config.option.collectonly:
         return
-    from rw_ekf.compile_ahead import DIAGNOSIS, cold, compile_in_children
+    from rw_ekf.compile_ahead import DIAGNOSIS, cold, compile_all
 
     missing = cold(DIAGNOSIS)
     if missing:
-        compile_in_children(missing, lambda done: None)
+        compile_all(missing)
 
 
 def pytest_collection_finish() -> None:

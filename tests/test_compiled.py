@@ -1,26 +1,36 @@
-"""The cache on disk: it must notice any change in the equations."""
+"""What is compiled: as exact as Python, never older than the equations in it, and no worse for a bad disk or none."""
 
 from __future__ import annotations
 
 import importlib.util
-import pickle
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any, NamedTuple
 
-import numba
+import numpy as np
 import pytest
 
-from rw_ekf.compiled import Kernel, compile_cached, make_jitable, source_digest
+from rw_ekf.arrays import Float64Array
+from rw_ekf.c_code import c_library
+from rw_ekf.c_code.c_types import NotPrintableError
+from rw_ekf.compiled import Kernel, source_digest
+
+TRIPLE = "def gain(x: float) -> float:\n    return 3.0 * x\n"
+CALLER = "import {physics}\n\n\ndef law(x: float) -> float:\n    return {physics}.gain(x)\n"
 
 
-@pytest.fixture
-def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of its own for modules, and for numba's files beside them."""
+@pytest.fixture(autouse=True)
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of its own for modules, and for what is compiled of them; and nobody stays plain after a test."""
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    return tmp_path
+    monkeypatch.setenv(c_library.FOLDER_VARIABLE, str(tmp_path / "kept"))
+    before = Kernel.interpreting
+    yield tmp_path
+    Kernel.interpreting = before
 
 
 def load(folder: Path, name: str, source: str) -> ModuleType:
@@ -47,77 +57,204 @@ def test_the_digest_follows_the_source_of_every_module(workplace: Path) -> None:
     assert source_digest([a]) != before
 
 
-CALLER = "import {physics}\n\n\ndef law(x):\n    return {physics}.gain(x)\n"
+def law_over(folder: Path, physics_source: str) -> Kernel:
+    """A caller over a module of physics, both read afresh."""
+    physics = load(folder, "kept_physics", physics_source)
+    caller = load(folder, "kept_caller", CALLER.format(physics="kept_physics"))
+    return Kernel(caller.law, [physics, caller], lambda: (1.0,), result=0.0)
 
 
-def compiled_law(folder: Path, physics_source: str) -> tuple[float, int]:
-    """Compile the caller over the physics, anew or from the cache: (its value at 2.0, hits of the cache)."""
-    physics = load(folder, "cached_physics", physics_source)
-    caller = load(folder, "cached_caller", CALLER.format(physics="cached_physics"))
-    make_jitable([physics.gain])
-    law = compile_cached(caller.law, [physics, caller])
-    return float(law(2.0)), sum(law.dispatcher.stats.cache_hits.values())
+def value_and_readiness(folder: Path, physics_source: str) -> tuple[float, bool]:
+    """What the law gives for 2.0, and whether it was kept from before."""
+    law = law_over(folder, physics_source)
+    kept = law.is_ready()
+    return law(2.0), kept
 
 
 def test_a_kernel_is_never_older_than_the_equations_in_it(workplace: Path) -> None:
-    """Unchanged sources are served from disk; a change in another module than the decorated one is compiled anew."""
-    triple = "def gain(x):\n    return 3.0 * x\n"
-    assert compiled_law(workplace, triple) == (6.0, 0)
-    assert compiled_law(workplace, triple) == (6.0, 1)
-    assert compiled_law(workplace, triple.replace("3.0", "5.0")) == (10.0, 0)
+    """Unchanged sources are served from disk; a change in another module than the function's own is compiled anew."""
+    assert value_and_readiness(workplace, TRIPLE) == (6.0, False)
+    assert value_and_readiness(workplace, TRIPLE) == (6.0, True)
+    assert value_and_readiness(workplace, TRIPLE.replace("3.0", "5.0")) == (10.0, False)
+    assert len(list((workplace / "kept").iterdir())) == 1  # the stale one is gone
 
 
-def damages(whole: bytes) -> list[bytes]:
-    """What a power cut, a worn card or an upgrade makes of a file."""
+def test_a_file_that_is_damaged_is_made_anew(workplace: Path) -> None:
+    """Whatever a power cut or a worn card has made of it, it is never loaded: not ready, compiled once more, served."""
+    value_and_readiness(workplace, TRIPLE)
+    (file,) = (workplace / "kept").iterdir()
+    whole = file.read_bytes()
     middle = len(whole) // 2
     flipped = whole[:middle] + bytes([whole[middle] ^ 0x10]) + whole[middle + 1 :]
-    foreign = pickle.dumps(numba.__version__, protocol=-1) + b"cno_such_module\nNoSuchType\n."
-    return [b"", whole[:middle], bytes(len(whole)), flipped, foreign]
-
-
-@pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_a_file_that_is_damaged_is_written_anew(workplace: Path, kind: str) -> None:
-    """Whatever has happened to the index or the code on disk, it is compiled once more, and then served again."""
-    triple = "def gain(x):\n    return 3.0 * x\n"
-    compiled_law(workplace, triple)
-    (file,) = workplace.rglob(f"*.{kind}")
-    for damaged in damages(file.read_bytes()):
+    for damaged in (b"", whole[:middle], bytes(len(whole)), flipped, whole + b" "):
+        file.unlink()  # another file, as what is loaded stays mapped
         file.write_bytes(damaged)
-        assert compiled_law(workplace, triple) == (6.0, 0)
-        assert compiled_law(workplace, triple) == (6.0, 1)
+        assert value_and_readiness(workplace, TRIPLE) == (6.0, False)
+        assert value_and_readiness(workplace, TRIPLE) == (6.0, True)
 
 
-def test_a_damaged_kernel_is_not_ready(workplace: Path) -> None:
-    """A verb has what is damaged compiled ahead, as it has what is missing: only whole code counts as compiled."""
-    caller = load(workplace, "ready_caller", "def law(x):\n    return 2.0 * x\n")
-
-    def law() -> Kernel:
-        return compile_cached(caller.law, [caller], lambda: (1.0,))
-
-    law().compile()
-    assert law().is_ready()
-    (file,) = workplace.rglob("*.nbc")
-    for damaged in damages(file.read_bytes()):
-        file.write_bytes(damaged)
-        assert not law().is_ready()
+def test_no_folder_that_can_be_written_costs_the_file_and_not_the_run(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nothing can be kept it is compiled for this process: no exception, the right number, nothing left."""
+    (workplace / "kept").write_text("a file where the folder should be", encoding="utf-8")
+    private = workplace / "private"
+    monkeypatch.setattr(c_library, "private_folder", lambda: private)
+    monkeypatch.setattr(c_library, "folders", lambda: iter([workplace / "kept"]))
+    assert law_over(workplace, TRIPLE)(2.0) == 6.0
+    assert len(list(private.iterdir())) == 1
 
 
-def test_a_disk_without_room_costs_the_cache_and_not_the_run(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the compiled code cannot be written, it runs from memory: no exception, the right number."""
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [("no-such-compiler-anywhere", "no C compiler"), ("false", "false: status 1"), ("none", "no C compiler")],
+)
+def test_without_a_compiler_all_runs_as_plain_python(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, command: str, words: str
+) -> None:
+    """None, one that fails, or one that is not wanted: one warning that says so, and the right number."""
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, command)
+    law = law_over(workplace, TRIPLE)
+    with pytest.warns(RuntimeWarning, match=words):
+        assert law(2.0) == 6.0
+    assert law(3.0) == 9.0
 
-    def no_room(*_: object) -> None:
-        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", no_room)
-    assert compiled_law(workplace, "def gain(x):\n    return 7.0 * x\n") == (14.0, 0)
+def test_an_interrupted_compiler_is_ended(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is raised while it works, its process ends and its folder is gone."""
+    slow = workplace / "slow-cc"
+    slow.write_text("#!/bin/sh\nexec sleep 600\n", encoding="utf-8")
+    slow.chmod(0o755)
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, str(slow))
+    compilation = law_over(workplace, TRIPLE).begin()
+
+    def interrupted() -> None:
+        with compilation:
+            assert compilation.process.poll() is None
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert compilation.process.poll() is not None
 
 
-def test_what_is_loaded_brings_nothing_that_only_a_compiler_needs() -> None:
-    """All that a diagnosis takes from the cache comes without numba's linear algebra: a quarter of a second."""
+class Pair(NamedTuple):
+    """Two numbers."""
+
+    whole: int
+    size: float
+
+
+class Held(NamedTuple):
+    """Arrays of every kind, and what stands between them."""
+
+    flags: Any
+    small: Any
+    middle: Any
+    whole: Any
+    pair: Pair
+    stack: Any
+    row: tuple[float, float]
+    is_on: bool
+
+
+def gather(held: Held, table: Any, shift: float, out: Any) -> Pair:
+    """A little of everything: rows, stretches, whole numbers, flags, branches on what is never there."""
+    total = shift
+    if table is not None:
+        total += 1.0e9
+    for i in range(held.flags.size):
+        if held.flags[i] and held.is_on:
+            total += held.small[i] * held.middle[i] + held.whole[i] // 2 + held.whole[i] % 3
+    layer = held.stack[1]
+    n, m = layer.shape
+    for i in range(n):
+        line = layer[i]
+        for j in range(m):
+            out[i, j] = line[j] + held.stack[0, i, j]
+    end = out[0][1:3]
+    end[0] += held.row[0] - held.row[1]
+    out[1, :] = held.pair.size
+    return Pair(held.pair.whole + held.stack.shape[0], total)
+
+
+def test_every_kind_of_argument_arrives_and_every_result_comes_back() -> None:
+    """Arrays of five kinds and up to three axes, tuples in tuples, flags: to the bit what Python makes of them."""
+    held = Held(
+        np.array([True, False, True, True]), np.array([1, -2, 3, -4], np.int8), np.array([5, 6, 7, 8], np.int32),
+        np.array([9, 10, 11, 2**40], np.int64), Pair(3, 0.1), np.arange(24.0).reshape(2, 3, 4) / 7.0, (0.3, 0.2), True,
+    )  # fmt: skip
+    example = (held, None, 0.0, np.zeros((3, 4)))
+    compiled = Kernel(gather, [sys.modules[__name__]], lambda: example, result=Pair(0, 0.0))
+    expected, found = np.zeros((3, 4)), np.zeros((3, 4))
+    held.whole[3] = 14  # whole numbers are reckoned with as C's int
+    assert compiled(held, None, 0.5, found) == gather(held, None, 0.5, expected)
+    assert found.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize(
+    "odd", [np.zeros((3, 8))[:, ::2], np.zeros((3, 4), np.float32), np.zeros(12), np.asfortranarray(np.zeros((3, 4)))]
+)
+def test_an_array_of_another_layout_is_refused(odd: Any) -> None:
+    """A stride, another type, another number of axes: TypeError, and nothing is read."""
+    held = Held(
+        np.zeros(0, bool), np.zeros(0, np.int8), np.zeros(0, np.int32), np.zeros(0, np.int64), Pair(0, 0.0),
+        np.zeros((2, 3, 4)), (0.0, 0.0), False,
+    )  # fmt: skip
+    example = (held, None, 0.0, np.zeros((3, 4)))
+    compiled = Kernel(gather, [sys.modules[__name__]], lambda: example, result=Pair(0, 0.0))
+    with pytest.raises(TypeError, match="where C reads float64"):
+        compiled(held, None, 0.5, odd)
+
+
+def test_what_has_no_c_says_where(workplace: Path) -> None:
+    """A construct that is not printed is named with its function."""
+    odd = load(workplace, "odd_law", "def law(x: float) -> float:\n    return sum([x, x])\n")
+    with pytest.raises(NotPrintableError, match=r"odd_law\.law"):
+        Kernel(odd.law, [odd], lambda: (1.0,), result=0.0).compile()
+
+
+def test_what_is_loaded_needs_no_printer() -> None:
+    """A process that finds its libraries on disk imports neither the printer nor a compiler: that is its speed."""
     code = (
         "import sys; from rw_ekf.compile_ahead import DIAGNOSIS, compile_all; compile_all(DIAGNOSIS);"
-        "print(sorted({'numba.np.linalg', 'numba.np.npyimpl', 'scipy.linalg'} & set(sys.modules)))"
+        "print(sorted({'rw_ekf.c_code.c_program', 'rw_ekf.c_code.c_kernel', 'numba'} & set(sys.modules)))"
     )
-    for _ in range(2):  # the first may have to compile
+    told = ""
+    for _ in range(2):  # the first has to compile
         told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert told.strip() == "[]"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["gcc", "clang", f"{sys.executable} -m ziglang cc"])
+def test_other_compilers_make_the_same_bits(workplace: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    """Each compiler that is found compiles the filter's pass, and its steps are Python's to the last bit."""
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, command)
+    if c_library.compiler() is None or ("ziglang" in command and importlib.util.find_spec("ziglang") is None):
+        pytest.skip(f"{command} is not installed")
+    if "ziglang" not in command and shutil.which(command) is None:
+        pytest.skip(f"{command} is not installed")
+    from rw_ekf.filter import kernel as home
+
+    own = Kernel(home._filter_pass, home._MODULES, lambda: home._example(with_effects=False), "other_compiler")
+    own.compile()
+    from rw_ekf.course.course import Course
+    from rw_ekf.filter.belief import DEFAULT_PRIOR
+    from rw_ekf.filter.constants import filter_constants
+    from rw_ekf.filter.filter_run import FilterRun
+    from rw_ekf.filter.step import memory_of
+
+    rng = np.random.default_rng(5)
+    time_s: Float64Array = 0.1 * np.arange(400, dtype=np.float64)
+    course = Course.of(time_s, np.cumsum(rng.normal(0.0, 0.3, 400)), 0.2 * np.sin(0.3 * time_s))
+    runs = []
+    for run_by in (own, own.plain):
+        constants = filter_constants(0.4)
+        run = FilterRun.empty(DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, 400, states=True)
+        run_by(
+            constants, None, course, run, memory_of(run.mean, run.covariance, constants, None, mends=True),
+            home.nothing_past(), 0,
+        )  # fmt: skip
+        runs.append(run)
+    assert runs[0].states.tobytes() == runs[1].states.tobytes()

@@ -1,6 +1,6 @@
-"""Many simulated runs, compiled: numba over the very functions of plant.py, one call per run.
+"""Many simulated runs, compiled: the very functions of plant.py printed as C, one call per run.
 
-Import this only where numbers are crunched: it loads numpy and numba.
+Import this only where numbers are crunched: it loads numpy.
 """
 
 from __future__ import annotations
@@ -10,41 +10,19 @@ import sys
 import types
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.compiled import compile_cached
+from rw_ekf.compiled import Kernel
 from rw_ekf.drivers.sim import plant, plant_parameters, plant_terms
 from rw_ekf.drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import Advance
 
 Run = Callable[..., PlantState]
 
-for _function in (
-    plant_terms.sinc,
-    plant_terms.lag_mean,
-    plant_terms.stribeck,
-    plant_terms.motor_acceleration,
-    plant_terms.ripple_acceleration,
-    plant_terms.external_acceleration,
-    plant_terms.spike_acceleration,
-    plant_terms.coulomb_shift,
-    plant_terms.dry_friction,
-    plant_terms.drag,
-    plant.choose_step,
-    plant.crossing_fraction,
-    plant.step_bristle,
-    plant.step_slip,
-    plant.varies_at_rest,
-    plant.driven,
-    plant.step_fast,
-    plant.step_thermal,
-    plant.advance,
-):
-    register_jitable(_function)
 advance = plant.advance
 
 
@@ -112,18 +90,24 @@ def plain_run(
     return state
 
 
-register_jitable(plain_run)
-
-
 def run_by(law: Advance) -> Run:
     """`plain_run` by another law of motion than the plant's own."""
     found: Run = types.FunctionType(plain_run.__code__, {**globals(), "advance": law})
     return found
 
 
+def _example() -> tuple[Any, ...]:
+    return PlantParameters(), PlantState(), 0.0, 0.0, 0.0
+
+
+def _run_example() -> tuple[Any, ...]:
+    series = np.zeros(0)
+    return PlantParameters(), PlantState(), series, series, 0.0, series, series, 0.0, np.zeros((0, 5))
+
+
 _PHYSICS = [plant, plant_terms, plant_parameters, sys.modules[__name__]]
-compiled_run = compile_cached(plain_run, _PHYSICS)
-compiled_advance = compile_cached(advance, _PHYSICS)  # the step of a runner, for thousands of intervals
+compiled_run = Kernel(plain_run, _PHYSICS, _run_example, result=PlantState())
+compiled_advance = Kernel(advance, _PHYSICS, _example, result=PlantState())  # a runner's step, for many intervals
 
 
 def simulate_run(

@@ -16,19 +16,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb: status 1 where some routine is still not to be had compiled."""
+    from rw_ekf.c_code.c_library import FOLDER_VARIABLE, private_folder
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.compile_ahead import DIAGNOSIS, cold
-    from rw_ekf.compiled import child_environment, never_compiles
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
 
-    if never_compiles():
-        raise BadInputError("NUMBA_DISABLE_JIT is set: nothing is compiled; unset it")
     found = cold(DIAGNOSIS)
     make_ready(found)
-    if child_environment():
+    if private_folder.cache_info().currsize:
         raise BadInputError(
-            "no folder can be written that keeps what was compiled: set NUMBA_CACHE_DIR to one that can"
+            f"no folder can be written that keeps what was compiled: set {FOLDER_VARIABLE} to one that can"
         )
     left = cold(found)
     if args.json:

@@ -7,34 +7,35 @@ from collections.abc import Sequence
 
 
 def make_ready(kernels: Sequence[str]) -> None:
-    """Compile what the cache on disk lacks of `kernels` (names of `rw_ekf.compile_ahead`); silent where nothing lacks.
+    """Compile what is lacking of `kernels` (names of `rw_ekf.compile_ahead`); silent where nothing is.
 
-    One line on standard error says what and how long; the bar below it moves; an interrupt ends it at once.
+    One line on standard error says what and how long; the bar below it moves; an interrupt ends it at once. Where
+    nothing can be compiled another says why, and all runs as plain Python.
     """
-    from rw_ekf.compile_ahead import cold, compile_in_children, seconds_of
+    from rw_ekf.compile_ahead import cold, compile_all, seconds_of
 
     missing = cold(kernels)
     if not missing:
         return
-    from rw_ekf.compiled import child_environment, never_compiles
+    from rw_ekf.c_code.c_library import COMPILER_VARIABLE, FOLDER_VARIABLE, CompilerError, compiler, private_folder
+    from rw_ekf.compiled import stay_plain
     from rw_ekf.console import progress
 
-    if never_compiles():
+    try:
+        if compiler() is None:
+            raise CompilerError(
+                "no C compiler is found: install one (gcc, clang, or pip install ziglang), or name it in "
+                f"{COMPILER_VARIABLE}"
+            )
         sys.stderr.write(
-            "rw-ekf: NUMBA_DISABLE_JIT is set: all runs as plain Python, a long log some hundred times slower\n"
+            f"rw-ekf: first use: compiling {len(missing)} numerical routines, about "
+            f"{max(seconds_of(missing), 1.0):.0f} s on a desktop computer, longer on a small or busy one (once)\n"
         )
-        return
-    kept = (
-        "this time only: no folder for a cache can be written, set NUMBA_CACHE_DIR" if child_environment() else "once"
-    )
-    sys.stderr.write(
-        f"rw-ekf: first use: compiling {len(missing)} numerical routines, about {max(seconds_of(missing), 5.0):.0f} s "
-        f"on a desktop computer, longer on a small or busy one ({kept})\n"
-    )
-    sys.stderr.flush()
-    with progress("compiling", len(missing), delay_s=0.0) as bar:
-        done = compile_in_children(missing, bar.update)
-    if not done:
-        sys.stderr.write(
-            "rw-ekf: the compiler could not run in its own process; it runs in this one, so Ctrl-C may wait\n"
-        )
+        sys.stderr.flush()
+        with progress("compiling", len(missing), delay_s=0.0) as bar:
+            compile_all(missing, bar.update)
+        if private_folder.cache_info().currsize:
+            sys.stderr.write(f"rw-ekf: for this time only, as no folder can be written: set {FOLDER_VARIABLE} to one\n")
+    except CompilerError as error:
+        sys.stderr.write(f"rw-ekf: all runs as plain Python, a long log some hundred times slower: {error}\n")
+        stay_plain()

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array, by_identity
-from rw_ekf.compiled import compile_cached, make_jitable
+from rw_ekf.compiled import Kernel
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.model.friction import FrictionCurve, Stribeck
@@ -53,24 +53,13 @@ class FreeRun(NamedTuple):
 
 
 def _run(
-    table: EffectTable | None,
-    stribeck: Stribeck,
-    course: Course,
-    states: Float64Array,
-    first: Int64Array,
-    last: Int64Array,
-    out: FreeRun,
-) -> None:
-    """Run from states (k, m) at samples first (k,) to last (k,), both included. Without effects table is None."""
-    n = states.shape[1]
-    _run_each(table, stribeck, course, states, first, last, out, np.zeros(n), np.zeros(n), np.zeros(row_size(n)))
-
-
-def _run_each(
     table: EffectTable | None, stribeck: Stribeck, course: Course, states: Any, first: Any, last: Any, out: FreeRun,
     state: Any, ended: Any, row: Any,
 ) -> None:  # fmt: skip
-    """The runs themselves; they allocate nothing (see `make_jitable`). From state on all is scratch."""
+    """Run from states (k, m) at samples first (k,) to last (k,), both included. Without effects table is None.
+
+    state, ended (m,), row (`row_size`,): scratch.
+    """
     pieces, piece_start = course.pieces, course.piece_start
     ends, path, jacobian = out
     keep = path.size > 0
@@ -103,19 +92,17 @@ def _run_each(
         ends[j] = state[SPEED]
 
 
-make_jitable([_run_each])
-
-
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
     series, numbers, whole = np.zeros(0), np.zeros(0, np.int64), np.zeros((0, STATE_SIZE))
     table = NO_EFFECTS.table() if with_effects else None
     course = Course.of(series, series, series)
-    return table, Stribeck(1.0, 0), course, whole, numbers, numbers, FreeRun(series, series, whole)
+    out = FreeRun(series, series, whole)
+    return table, Stribeck(1.0, 0), course, whole, numbers, numbers, out, series, series, series
 
 
 _MODULES = [*EQUATIONS, _course, sys.modules[__name__]]
-run_free = compile_cached(_run, _MODULES, lambda: _example(with_effects=False))
-run_free_with_effects = compile_cached(_run, _MODULES, lambda: _example(with_effects=True), name="_run_with_effects")
+run_free = Kernel(_run, _MODULES, lambda: _example(with_effects=False))
+run_free_with_effects = Kernel(_run, _MODULES, lambda: _example(with_effects=True), "with_effects")
 
 
 def free_run(
@@ -137,10 +124,10 @@ def free_run(
     n, m = course.samples, states.shape[1]
     kept = n if keep_path or with_jacobian else 0
     out = FreeRun(np.zeros(first.size), np.full(kept, np.nan), np.zeros((n if with_jacobian else 0, m)))
-    # Another layout would be compiled anew, in seconds.
     start, begin, end = map(np.ascontiguousarray, (states, first, last))
+    scratch = np.zeros(m), np.zeros(m), np.zeros(row_size(m))
     if m > STATE_SIZE:
-        run_free_with_effects(effects.table(), stribeck, course, start, begin, end, out)
+        run_free_with_effects(effects.table(), stribeck, course, start, begin, end, out, *scratch)
     else:
-        run_free(None, stribeck, course, start, begin, end, out)
+        run_free(None, stribeck, course, start, begin, end, out, *scratch)
     return out

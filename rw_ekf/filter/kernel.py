@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.compiled import compile_cached, make_jitable
+from rw_ekf.compiled import Kernel
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter import constants as _constants
@@ -36,31 +36,12 @@ from rw_ekf.filter.step import (
 )
 from rw_ekf.model import effect as _effect
 from rw_ekf.model.effect import REFERENCE_DEGC
+from rw_ekf.model.law import MOST_COLUMNS
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectTable
 from rw_ekf.wheel.effect_transition import open_past
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import Interval, columns_at, last_known
-
-make_jitable(
-    [
-        _decisions.timing, _decisions.doubt, _decisions.forget, _decisions.elapse, _decisions.most_acceleration,
-        _decisions.within_reach, _decisions.gating,
-        _covariance.cap_variance, _covariance.drop_settled, _covariance.predict_covariance_full, _covariance.seed_speed,
-        _stillness.away_from_reference, _stillness.follow, _stillness.unlearn_shift,
-        _health.breakage, _health.examine, _health.is_diverged, _health.keep, _health.mend, _health.notice,
-        _step.is_continuous, _step._grow, _step._walk, _step.innovation_of, _step.interrupt, _step.seed,
-    ]
-)  # fmt: skip
-# Called in every sample, with all that a filter remembers: handing that over would take twice as long as the step; and
-# of products of matrices each loop over a known number of states is written out.
-make_jitable(
-    [
-        _covariance.predict_covariance, _covariance.update_joseph,
-        _step.predict, _step.advance, _step.weigh, _step.look_after,
-    ],
-    inlined=True,
-)  # fmt: skip
 
 # Places in `past`: what was last known of what effects are functions of, and whether the log opens at the last sample.
 TEMPERATURE = 0  # [degC]; until known, that which effects of temperature are relative to
@@ -88,7 +69,7 @@ _MODULES = [
 def _record(history: History, i: int, x: Float64Array, P: Float64Array, memory: Memory) -> None:
     """Keep what a smoother needs of step i: the prediction and the transition that led to it."""
     n = x.size
-    for j in range(n):  # element by element: an assignment of slices takes numba four seconds longer to compile
+    for j in range(n):
         history.predicted[i, j] = x[j]
         history.row[i, j] = memory.F[SPEED, j]
         history.noise[i, j] = memory.noise[j]
@@ -105,10 +86,7 @@ def _record_apart(history: History, i: int, x: Float64Array, P: Float64Array, me
     _record(history, i, x, P, memory)
 
 
-make_jitable([_record, _record_apart])
-
-
-def _filter_each(
+def _filter_pass(
     constants: FilterConstants,
     table: EffectTable | None,
     course: Course,
@@ -117,7 +95,11 @@ def _filter_each(
     past: Float64Array,
     begin: int,
 ) -> None:
-    """The pass itself; it allocates nothing (see `make_jitable`)."""
+    """Filter samples of a log from `begin` on in place; see `filter_log`. Histories of zero rows are not written.
+
+    Where begin is above zero the state is that of the sample before it. past: `nothing_past()`, or as that left it.
+    Without effects (a state of five) table is None, and neither temperature nor angle is read.
+    """
     time_s, speed_rad_s, segment = course.time_s, course.speed_rad_s, course.segment
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     current_A = pieces.current_A
@@ -188,29 +170,9 @@ def _filter_each(
                 states[i, j] = x[j]
                 stds[i, j] = math.sqrt(P[j, j])
     past[TEMPERATURE], past[ANGLE] = temperature, angle
-    for j in range(len(columns)):
+    for j in range(MOST_COLUMNS):
         past[COLUMNS + j] = columns[j]
     past[OPENS] = 1.0 if opens else 0.0
-
-
-make_jitable([_filter_each], apart=True)
-
-
-def _filter_pass(
-    constants: FilterConstants,
-    table: EffectTable | None,
-    course: Course,
-    run: FilterRun,
-    memory: Memory,
-    past: Float64Array,
-    begin: int,
-) -> None:
-    """Filter samples of a log from `begin` on in place; see `filter_log`. Histories of zero rows are not written.
-
-    Where begin is above zero the state is that of the sample before it. past: `nothing_past()`, or as that left it.
-    Without effects (a state of five) table is None, and neither temperature nor angle is read.
-    """
-    _filter_each(constants, table, course, run, memory, past, begin)
 
 
 def nothing_past() -> Float64Array:
@@ -230,8 +192,5 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
     return constants, table, Course.of(series, series, series), run, memory, nothing_past(), 0
 
 
-filter_pass = compile_cached(_filter_pass, _MODULES, lambda: _example(with_effects=False), apart=True)
-# A kernel of its own, because without effects a third of it has to be compiled.
-filter_pass_with_effects = compile_cached(
-    _filter_pass, _MODULES, lambda: _example(with_effects=True), name="_filter_pass_with_effects", apart=True
-)
+filter_pass = Kernel(_filter_pass, _MODULES, lambda: _example(with_effects=False))
+filter_pass_with_effects = Kernel(_filter_pass, _MODULES, lambda: _example(with_effects=True), "with_effects")

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf import compiled
 from rw_ekf.arrays import Float64Array
+from rw_ekf.compiled import Kernel
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
 from rw_ekf.filter import health as _health
@@ -24,14 +24,18 @@ from rw_ekf.model import state as _state
 from rw_ekf.model.state import SPEED, STATE_SIZE
 
 
-def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> None:
-    """Backward pass; writes the smoothed means (n, m) and standard deviations (n, m)."""
+def _smooth_pass(
+    run: FilterRun, means: Float64Array, stds: Float64Array, adjoint: Float64Array, information: Float64Array,
+    along: Float64Array, side: Float64Array,
+) -> None:  # fmt: skip
+    """Backward pass; writes the smoothed means (n, m) and standard deviations (n, m).
+
+    adjoint (m,): lambda, the gradient of the future's log-likelihood by the state; information (m, m): Lambda, its
+    expected curvature; zero where it begins. along, side (m,): scratch.
+    """
     innovation, innovation_variance, outcome = run.innovation_rad_s, run.innovation_variance, run.outcome
     row, predicted, covariance = run.history.row, run.history.predicted, run.history.covariance
     n_samples, n = predicted.shape
-    adjoint = np.zeros(n)  # lambda: gradient of the future's log-likelihood by the state
-    information = np.zeros((n, n))  # Lambda: its expected curvature
-    along = np.zeros(n)
     for i in range(n_samples - 1, -1, -1):
         P = covariance[i]
         if outcome[i] == UPDATED:
@@ -61,15 +65,17 @@ def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> Non
             means[i, j] = predicted[i, j] - moved
             stds[i, j] = math.sqrt(max(P[j, j] - narrowed, 0.0))
         if run.mended[i] != WELL:  # nothing of the past is in what follows
-            adjoint[:] = 0.0
-            information[:, :] = 0.0
+            for j in range(n):
+                adjoint[j] = 0.0
+                information[j, :] = 0.0
         # Back through F, which differs from identity in its first row: F' a = a + (row - e_0) a_0.
         first = adjoint[SPEED]
         adjoint[SPEED] = 0.0
         for j in range(n):
             adjoint[j] += row[i, j] * first
         head = information[SPEED, SPEED]
-        side = information[SPEED].copy()
+        for j in range(n):
+            side[j] = information[SPEED, j]
         side[SPEED] = 0.0
         information[SPEED, :] = 0.0
         information[:, SPEED] = 0.0
@@ -80,12 +86,11 @@ def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> Non
 
 def _example() -> tuple[Any, ...]:
     whole = np.zeros((0, STATE_SIZE))
-    return FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0), whole, whole
+    series = np.zeros(0)
+    return FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0), whole, whole, series, whole, series, series
 
 
-smooth_pass = compiled.compile_cached(
-    _smooth_pass, [_state, _decisions, _filter_run, _health, sys.modules[__name__]], _example
-)
+smooth_pass = Kernel(_smooth_pass, [_state, _decisions, _filter_run, _health, sys.modules[__name__]], _example)
 
 
 def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:
@@ -97,5 +102,6 @@ def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:
     if predicted.shape[0] != run.outcome.size:
         raise ValueError("smoothing needs the forward pass's history: filter_log(..., keep_history=True)")
     means, stds = np.empty_like(predicted), np.empty_like(predicted)
-    smooth_pass(run, means, stds)
+    n = predicted.shape[1]
+    smooth_pass(run, means, stds, np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros(n))
     return means, stds

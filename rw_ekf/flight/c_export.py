@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf import __version__
+from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.c_files import header, printed, source
 from rw_ekf.flight.c_readme import MAKEFILE, memory_of, readme
-from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.exportable import estimator_of, reads
 from rw_ekf.flight.recorded import SAMPLES, recorded
 from rw_ekf.flight.self_test import self_test

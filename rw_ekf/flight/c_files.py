@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from rw_ekf.c_code.c_program import Program
+from rw_ekf.c_code.c_text import definitions, numbers, prototypes, public_structures
+from rw_ekf.c_code.c_types import ATOM, INT, Array, Scalar, Struct, Value
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.flight import onboard
-from rw_ekf.flight.c_expressions import c_name
-from rw_ekf.flight.c_program import Printed, Program
-from rw_ekf.flight.c_types import ATOM, INT, Array, Scalar, Struct, Value
 from rw_ekf.flight.onboard_compensation import Crossing, crossing_of, current_by_crossing, current_by_dmc
 from rw_ekf.flight.own_formulas import FORMULA_BOUNDS, formulas_instead
 from rw_ekf.wheel.effect_table import EffectTable
@@ -22,7 +21,6 @@ _BOUNDS = {"stop": onboard.PIECES_MOST, "count": onboard.PIECES_MOST, **FORMULA_
 # One turn a piece; a piece is one step, for no effect that is exported has a lag.
 # Steps that double from 1e-9 rad/s over a slope until 1e3 A are passed, whatever the slope is.
 _WHILES = {"effect_interval": (onboard.PIECES_MOST, onboard.PIECES_MOST, 1), "inverted": (128, 128)}
-_VALUES_IN_LINE = 4
 
 
 @dataclass(frozen=True)
@@ -110,89 +108,6 @@ def source(program: Program, estimator: Estimator, origin: str) -> str:
 {definitions(program, start)}"""
 
 
-def _public(program: Program) -> list[Printed]:
-    return [found for found in program.reached() if found.public]
-
-
-def public_structures(program: Program) -> str:
-    """The structures that functions for others take and give."""
-    needed = _structures_of(_public(program))
-    return "".join(_structure(program, name) for name in program.structs if name in needed)
-
-
-def prototypes(program: Program) -> str:
-    """The functions for others."""
-    return "\n".join("\n".join([*found.comment, f"{found.head};\n"]) for found in _public(program))
-
-
-def definitions(program: Program, start: str) -> str:
-    """All that a program is made of but what its header has; start: functions that fill its memory."""
-    functions = program.reached()
-    text = "\n".join("\n".join(found.lines) for found in functions)
-    tables = "".join(
-        f"static const {_numbers(program, name, value, of)}\n"
-        for name, value, of in program.arrays.values()
-        if isinstance(of, Array) and re.search(rf"\b{name}\b", text)
-    )
-    inner = program.structs.keys() - _structures_of(_public(program))
-    structures = "".join(_structure(program, name) for name in program.structs if name in inner and name in text)
-    builtins = "\n".join(body for name, body in program.builtins.items() if f"{name}(" in text)
-    macros = "".join(
-        f"#define {name} {code}{f'  /* {comment} */' if comment else ''}\n"
-        for name, (code, comment) in sorted(program.macros.items())
-        if re.search(rf"\b{name}\b", text)
-    )
-    return f"""#include <math.h>
-
-{macros}
-{structures}{tables}
-{builtins}
-{start}
-{text}"""
-
-
-def _structures_of(functions: list[Printed]) -> set[str]:
-    found: set[str] = set()
-
-    def add(of: Any) -> None:
-        if isinstance(of, Struct):
-            for _, member in of.members:
-                add(member)
-        if hasattr(of, "name") and not isinstance(of, Scalar):
-            found.add(of.name)
-
-    for function in functions:
-        for _, of in function.parameters:
-            add(of)
-        add(function.result)
-    return found
-
-
-def _structure(program: Program, name: str) -> str:
-    found, comments = program.structs[name]
-    lines = []
-    for member, of in found.members:
-        text = of.embedded(c_name(member)) if isinstance(of, Array) else f"{_spelled(of)} {c_name(member)}"
-        comment = comments.get(member, "")
-        lines.append(f"    {text};{f'  /* {comment} */' if comment else ''}\n")
-    return f"struct {name} {{\n{''.join(lines)}}};\n\n"
-
-
-def _spelled(of: Any) -> str:
-    return of.c if isinstance(of, Scalar) else f"struct {of.name}"
-
-
-def _numbers(program: Program, name: str, value: Any, of: Array) -> str:
-    flat = [program.number(number, of.item).code for number in np.asarray(value).reshape(-1).tolist()]
-    if len(of.shape) == 2:
-        rows = [flat[i : i + of.shape[1]] for i in range(0, len(flat), of.shape[1])]
-        inner = ",\n".join(f"    {{{', '.join(row)}}}" for row in rows)
-    else:
-        rows = [flat[i : i + _VALUES_IN_LINE] for i in range(0, len(flat), _VALUES_IN_LINE)]
-        inner = ",\n".join("    " + ", ".join(row) for row in rows)
-    return f"{of.embedded(name)} = {{\n{inner}\n}};"
-
-
 def start_of(program: Program, name: str, argument: str, example: Any) -> str:
     """A function that makes all that is held what it is in an example."""
     tables: list[str] = []
@@ -211,7 +126,7 @@ def start_of(program: Program, name: str, argument: str, example: Any) -> str:
                 indent, index = indent + "    ", f"{index}[{counter}]"
             begins = program.number(0, of.item).code
             if np.any(np.asarray(part) != 0.0):
-                tables.append(f"static const {_numbers(program, f'{label}_{member}', part, of)}\n")
+                tables.append(f"static const {numbers(program, f'{label}_{member}', part, of)}\n")
                 begins = f"{label}_{member}{index}"
             lines.append(f"{indent}{argument}->{path}{member}{index} = {begins};")
             lines.extend("    " * (axis + 1) + "}" for axis in reversed(range(len(of.shape))))

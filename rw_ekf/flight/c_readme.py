@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from rw_ekf.c_code.c_program import Program
+from rw_ekf.c_code.c_types import Array, Row, Scalar, Struct, Type
 from rw_ekf.flight.c_files import Estimator
-from rw_ekf.flight.c_program import Program
-from rw_ekf.flight.c_types import Array, Scalar, Struct, Type
 from rw_ekf.flight.self_test import SIGMAS
 
 MAKEFILE = """# make test: the self-test; EXTRA=-DRW_EKF_OTHER_LIBM where the C library is another.
@@ -188,4 +188,5 @@ def _bytes(of: Type, *, single: bool) -> int:
         return total
     if isinstance(of, Struct):
         return sum(_bytes(member, single=single) for _, member in of.members)
+    assert isinstance(of, Row)  # nothing on board has a size that is not known
     return of.count * (4 if single else 8)

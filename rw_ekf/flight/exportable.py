@@ -5,10 +5,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Collection
 
+from rw_ekf.c_code.python_source import source_of
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.c_files import Estimator
 from rw_ekf.flight.onboard import onboard_of
-from rw_ekf.flight.python_source import source_of
 from rw_ekf.model.effect import Term
 from rw_ekf.model.effect_kinds import (
     CurrentEffect,

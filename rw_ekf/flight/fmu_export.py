@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf import __version__
+from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight import fmu_description as at
-from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.fmu_description import Version, build_description, description, variables_of
 from rw_ekf.flight.plant import plant_of
 from rw_ekf.flight.plant_files import PrintedPlant, plant_header, plant_source, printed_plant

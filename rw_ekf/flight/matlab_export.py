@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rw_ekf import __version__
+from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
-from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.matlab_functions import SMALL_FUNCTIONS, Functions, number
 from rw_ekf.flight.own_formulas import formulas_instead
 from rw_ekf.flight.plant_model import PlantModel

@@ -14,8 +14,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rw_ekf.flight.c_types import NotPrintableError
-from rw_ekf.flight.python_source import source_of
+from rw_ekf.c_code.c_types import NotPrintableError
+from rw_ekf.c_code.python_source import source_of
 from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.law import Place
 from rw_ekf.model.moment import Moment

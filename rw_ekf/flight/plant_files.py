@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rw_ekf.c_code.c_program import Program
+from rw_ekf.c_code.c_text import definitions, prototypes, public_structures
+from rw_ekf.c_code.c_types import ATOM, Scalar, Value
 from rw_ekf.flight import plant
-from rw_ekf.flight.c_files import definitions, prototypes, public_structures, start_of
-from rw_ekf.flight.c_program import Program
-from rw_ekf.flight.c_types import ATOM, Scalar, Value
+from rw_ekf.flight.c_files import start_of
 from rw_ekf.flight.own_formulas import FORMULA_BOUNDS, formulas_instead
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.wheel.effect_table import EffectTable

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
-from rw_ekf.compiled import compile_cached, make_jitable
+from rw_ekf.compiled import Kernel
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.course.grid import grid_of
@@ -86,25 +86,11 @@ class _Scratch(NamedTuple):
     down: Float64Array
     row: Float64Array  # (`row_size`,)
 
-
-def _one_step_pass(
-    x: Float64Array,
-    table: EffectTable | None,
-    stribeck: Stribeck,
-    course: Course,
-    follows: BoolArray,
-    trajectory: Trajectory,
-    out: Prediction,
-) -> None:
-    """Predict sample i + 1 from the trajectory at i wherever follows[i + 1]; fill `out`, which holds zeros.
-
-    A memory is carried on from the interval before where its trajectory is NaN. Slopes are statistical near zero, over
-    the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted. Without effects
-    table is None.
-    """
-    n = x.size
-    scratch = _Scratch(x.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(row_size(n)))
-    _predict_each(x, table, stribeck, course, follows, trajectory, out, scratch)
+    @classmethod
+    def of(cls, x: Float64Array) -> _Scratch:
+        """Beginning with the state x (n,)."""
+        n = x.size
+        return cls(x.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(row_size(n)))
 
 
 def _propagate(
@@ -146,11 +132,16 @@ def _differ(
     _propagate(point, table, stribeck, pieces, between, False, row, down)
 
 
-def _predict_each(
+def _one_step_pass(
     x: Any, table: EffectTable | None, stribeck: Stribeck, course: Course, follows: Any, trajectory: Trajectory,
     out: Prediction, scratch: _Scratch,
 ) -> None:  # fmt: skip
-    """The pass itself; it allocates nothing (see `make_jitable`). The state of `scratch` holds x."""
+    """Predict sample i + 1 from the trajectory at i wherever follows[i + 1]; fill `out`, which holds zeros.
+
+    A memory is carried on from the interval before where its trajectory is NaN. Slopes are statistical near zero, over
+    the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted. Without effects
+    table is None. The state of `scratch` holds x.
+    """
     pieces = course.pieces
     speed, spread, memory, memory_spread, _ = trajectory
     state, ended, _, up, down, row = scratch
@@ -205,24 +196,18 @@ def _predict_each(
             out.memory_end[i + 1] = ended[at]
 
 
-make_jitable([_propagate, _begin_hidden, _differ])
-make_jitable([_predict_each], apart=True)
-
-
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
     series, whole = np.zeros(0), np.zeros((0, STATE_SIZE))
     return (
         series, NO_EFFECTS.table() if with_effects else None, Stribeck(1.0, 0), Course.of(series, series, series),
         np.zeros(0, np.bool_), Trajectory(*[series] * 4), Prediction(series, series, whole, series, whole),
+        _Scratch(*[series] * 6),
     )  # fmt: skip
 
 
 _MODULES = [*EQUATIONS, _course, sys.modules[__name__]]
-one_step_pass = compile_cached(_one_step_pass, _MODULES, lambda: _example(with_effects=False), apart=True)
-# A kernel of its own, because without effects a fifth of it has to be compiled.
-one_step_pass_with_effects = compile_cached(
-    _one_step_pass, _MODULES, lambda: _example(with_effects=True), name="_one_step_pass_with_effects", apart=True
-)
+one_step_pass = Kernel(_one_step_pass, _MODULES, lambda: _example(with_effects=False))
+one_step_pass_with_effects = Kernel(_one_step_pass, _MODULES, lambda: _example(with_effects=True), "with_effects")
 
 
 @dataclass(eq=False, frozen=True)
@@ -311,11 +296,10 @@ def predict(
     record.work.charge(pass_units(int(np.count_nonzero(record.follows)), table, slopes=with_slopes, rows=with_rows))
     x = state_vector(parameters, effects)
     memory_spread = np.where(np.isnan(trajectory.memory_spread), 0.1 * abs(x[COULOMB]), trajectory.memory_spread)
-    # A column of a table has another layout, for which numba would compile the pass anew.
     speed, spread, memory = map(np.ascontiguousarray, trajectory[:3])
     along = Trajectory(speed, spread, memory, memory_spread)
     if table.size > STATE_SIZE:
-        one_step_pass_with_effects(x, table, stribeck, record.course, record.follows, along, out)
+        one_step_pass_with_effects(x, table, stribeck, record.course, record.follows, along, out, _Scratch.of(x))
     else:
-        one_step_pass(x, None, stribeck, record.course, record.follows, along, out)
+        one_step_pass(x, None, stribeck, record.course, record.follows, along, out, _Scratch.of(x))
     return out

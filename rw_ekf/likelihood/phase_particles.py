@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
-from rw_ekf.compiled import compile_cached, make_jitable
+from rw_ekf.compiled import Kernel
+from rw_ekf.likelihood import whitening as _whitening
 from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 from rw_ekf.likelihood.whitening import Chain
 
@@ -51,7 +52,8 @@ class _Particles(NamedTuple):
 def _begin(particles: _Particles) -> None:
     """Phases evenly over a turn."""
     for j in range(particles.phase.size):
-        phase = 2.0 * math.pi * ((j * 0.6180339887498949) % 1.0)
+        turns = j * 0.6180339887498949
+        phase = 2.0 * math.pi * (turns - math.floor(turns))
         particles.phase[j] = phase
         particles.cosine[j], particles.sine[j] = math.cos(phase), math.sin(phase)
         particles.size[j] = math.exp(particles.logs[j])
@@ -121,11 +123,9 @@ def _draw_again(
         mean += logs[j] / m
         square += logs[j] * logs[j] / m
     wide = math.sqrt(max(square - mean * mean, 0.0) * (1.0 - _SHRINK * _SHRINK))
-    for values in (logs, x, phase):
-        for slot in range(m):
-            fresh[slot] = values[order_of[slot]]
-        for slot in range(m):
-            values[slot] = fresh[slot]
+    _reorder(logs, order_of, fresh)
+    _reorder(x, order_of, fresh)
+    _reorder(phase, order_of, fresh)
     for slot in range(m):
         logs[slot] = mean + _SHRINK * (logs[slot] - mean) + wide * normals[slot]
         cosine[slot], sine[slot] = math.cos(phase[slot]), math.sin(phase[slot])
@@ -133,12 +133,20 @@ def _draw_again(
         weight[slot] = 0.0
 
 
-def _trace(kept: Float64Array, parents: Any, knots: Float64Array, lines: Any, paths: Float64Array) -> None:
-    """Phases (k, n) of those that are left: the mean, then single ones; kept, parents (turns, m); knots (turns,).
+def _reorder(values: Float64Array, order_of: Any, fresh: Float64Array) -> None:
+    """Values (m,) of those that order_of (m,) names; fresh (m,) is scratch."""
+    for slot in range(values.size):
+        fresh[slot] = values[order_of[slot]]
+    for slot in range(values.size):
+        values[slot] = fresh[slot]
 
-    lines (m,) is scratch.
+
+def _trace(turns: int, kept: Float64Array, parents: Any, knots: Float64Array, lines: Any, paths: Float64Array) -> None:
+    """Phases (k, n) of those that are left after some turns: the mean, then single ones; kept, parents (turns, m).
+
+    knots (turns,) and lines (m,) are scratch.
     """
-    turns, m = knots.size, lines.size
+    m = lines.size
     for number in range(paths.shape[0]):
         for j in range(m):
             lines[j] = j
@@ -158,10 +166,27 @@ def _trace(kept: Float64Array, parents: Any, knots: Float64Array, lines: Any, pa
             paths[number, i] = knots[low] + (place - low) * (knots[high] - knots[low])
 
 
-make_jitable([_begin, _move, _correct, _walk, _weigh, _draw_again, _trace], inlined=True)
+@by_identity
+class _Scratch(NamedTuple):
+    """What is remembered along a chain, and room to reckon in: (m,) but for the first three."""
+
+    kept: Float64Array  # (rounds, m) phases where they may be drawn again; (0, m) where no paths are asked for
+    parents: Any  # (rounds, m) and whom each was drawn from
+    knots: Float64Array  # (rounds,)
+    order_of: Any
+    fresh: Float64Array
+    mass: Float64Array
+    lines: Any
+
+    @classmethod
+    def of(cls, rounds: int, m: int) -> _Scratch:
+        """For m particles."""
+        kept, parents = np.zeros((rounds, m)), np.zeros((rounds, m), dtype=np.int64)
+        whole = np.zeros(m, dtype=np.int64)
+        return cls(kept, parents, np.zeros(rounds), whole, np.zeros(m), np.zeros(m), whole.copy())
 
 
-def _follow(
+def follow(
     chain: Chain,
     regressors: Float64Array,
     logs: Float64Array,
@@ -177,11 +202,20 @@ def _follow(
     a second [rad]. `paths` (k, n), k may be 0, become phases beyond that of the regressors [rad]: the mean of those
     particles that are left at the end, then single ones.
     """
-    n, m = chain.reading.size, logs.size
-    rounds = n // _EVERY + 2 if paths.shape[0] > 0 else 0
-    kept, parents = np.zeros((rounds, m)), np.zeros((rounds, m), dtype=np.int32)
-    particles = _Particles(logs, np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.zeros(m), np.zeros(m))
-    order_of, fresh, mass = np.empty(m, dtype=np.int32), np.empty(m), np.empty(m)
+    m = logs.size
+    particles = _Particles(logs, *(np.zeros(m) for _ in range(6)))
+    scratch = _Scratch.of(chain.reading.size // _EVERY + 2 if paths.shape[0] > 0 else 0, m)
+    return float(particle_pass(chain, regressors, particles, normals, walk, q, R, paths, scratch))
+
+
+def _follow(
+    chain: Chain, regressors: Float64Array, particles: _Particles, normals: Float64Array, walk: float, q: float,
+    R: float, paths: Float64Array, scratch: _Scratch,
+) -> float:  # fmt: skip
+    """`follow`."""
+    kept, parents, knots, order_of, fresh, mass, lines = scratch
+    n, m = chain.reading.size, mass.size
+    rounds = kept.shape[0]
     _begin(particles)
     total, p = 0.0, 0.0
     known = False
@@ -201,7 +235,8 @@ def _follow(
         elif has:
             known = True
             p = R
-            particles.speed[:] = chain.reading[i]
+            for j in range(m):
+                particles.speed[j] = chain.reading[i]
         spread = walk * math.sqrt(chain.step_s[i])
         if spread > 0.0:
             drawn = drawn if drawn + m <= normals.size else drawn + m - normals.size
@@ -211,28 +246,29 @@ def _follow(
             continue
         top, mass_sum, squares = _weigh(particles.weight, mass)
         if rounds > 0:
-            kept[turn, :] = particles.phase
             for j in range(m):
+                kept[turn, j] = particles.phase[j]
                 parents[turn, j] = j
         if mass_sum * mass_sum < _LEAST_EFFECTIVE * m * squares or i == n - 1:
             total += top + math.log(mass_sum / m)
             drawn = drawn if drawn + m <= normals.size else drawn + m - normals.size
             _draw_again(particles, mass, mass_sum, normals[drawn : drawn + m], order_of, fresh)
             drawn += m
-            if rounds > 0:
-                parents[turn, :] = order_of
+            for j in range(m if rounds > 0 else 0):
+                parents[turn, j] = order_of[j]
         turn += 1
-    _trace(kept, parents, np.zeros(turn), np.empty(m, dtype=np.int64), paths)
+    _trace(turn, kept, parents, knots, lines, paths)
     return total
 
 
 def _example() -> tuple[Any, ...]:
     series, whole = np.zeros(2), np.zeros((2, 4))
     chain = Chain(np.zeros(2, np.bool_), series, series, whole, series, series, series, 0.0, series)
-    return chain, np.zeros((2, 2)), series, series, 1.0, 1.0, 1.0, np.zeros((0, 2))
+    particles = _Particles(*[series] * 7)
+    return chain, np.zeros((2, 2)), particles, series, 1.0, 1.0, 1.0, np.zeros((0, 2)), _Scratch.of(0, 2)
 
 
-follow = compile_cached(_follow, [sys.modules[__name__]], _example)
+particle_pass = Kernel(_follow, [_whitening, sys.modules[__name__]], _example, result=0.0)
 
 
 @lru_cache(maxsize=1)

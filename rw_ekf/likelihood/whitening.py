@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, by_identity
-from rw_ekf.compiled import compile_cached, make_jitable
+from rw_ekf.compiled import Kernel
 
 State = tuple[float, float, float, float, float]  # speed, memory, and their covariance xx, xz, zz
 _LARGE = 1.0e30  # of a product: its logarithm is due
@@ -98,10 +98,7 @@ def _add(sums: Float64Array, carried: Float64Array, left: float, weight: float) 
     sums[m, m] += left * left * weight
 
 
-make_jitable([_first, _predicted, _corrected, _carry, _add], inlined=True)
-
-
-def _whiten(
+def whiten(
     chain: Chain,
     regressors: Float64Array,
     memory_regressors: Float64Array,
@@ -117,10 +114,28 @@ def _whiten(
     or (0, m) where they are zero; sums (m + 1, m + 1): the lower triangle of (A, r)'(A, r), added to what is there.
     A stretch starts from its first reading, as nothing is known before it.
     """
+    m = regressors.shape[1]
+    found: tuple[float, int] = whitening_pass(
+        chain, regressors, memory_regressors, q, R, r, A, sums, np.zeros(m), np.zeros(m)
+    )
+    return found
+
+
+def _whiten(
+    chain: Chain,
+    regressors: Float64Array,
+    memory_regressors: Float64Array,
+    q: float,
+    R: float,
+    r: Float64Array,
+    A: Float64Array,
+    sums: Float64Array,
+    carried: Float64Array,
+    held: Float64Array,
+) -> tuple[float, int]:
+    """`whiten`; what regressors have made of speed and memory, carried and held (m,), is scratch."""
     n, m = regressors.shape
     summed = sums.shape[0] > 0
-    carried = np.zeros(m)
-    held = np.zeros(m)
     known = False
     state = (0.0, 0.0, 0.0, 0.0, 0.0)
     total, count = 0.0, 0
@@ -164,15 +179,21 @@ def _whiten(
     return total + math.log(product) + count * math.log(R), count
 
 
-def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Float64Array) -> None:
-    """Transpose of `whiten` for regressors of the speed: regressor' adjoint = A' white.
+def adjoint(chain: Chain, q: float, R: float, white: Float64Array, found: Float64Array) -> None:
+    """Transpose of `whiten` for regressors of the speed, in `found` (n,): regressor' found = A' white.
 
     white (n,) is zero where there is no innovation.
     The memory's part is left out: this only screens frequencies.
     """
     n = chain.reading.size
-    root = np.zeros(n)
-    keep = np.zeros(n)
+    adjoint_pass(chain, q, R, white, found, np.zeros(n), np.zeros(n))
+
+
+def _adjoint(
+    chain: Chain, q: float, R: float, white: Float64Array, found: Float64Array, root: Float64Array, keep: Float64Array
+) -> None:
+    """`adjoint`; root, keep (n,): scratch, zero where it begins."""
+    n = chain.reading.size
     known = False
     P = 0.0
     for i in range(n):
@@ -195,19 +216,28 @@ def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Flo
             P *= 1.0 - gain
     following = 0.0
     for i in range(n - 1, -1, -1):
-        adjoint[i] = white[i] * root[i] + keep[i] * following
-        following = chain.slopes[i, 0] * adjoint[i] if chain.follows[i] else 0.0
+        found[i] = white[i] * root[i] + keep[i] * following
+        following = chain.slopes[i, 0] * found[i] if chain.follows[i] else 0.0
 
 
-def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Float64Array) -> None:
+def smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Float64Array) -> None:
     """(speed, memory) less trajectory given all readings of the stretch: means (n, 2), variances (n, 2).
 
     Bryson and Frazier's form: nothing is inverted, and a memory that fades leaves nearly singular covariances. Before
     a stretch's first reading: zero, with variance R and memory_variance.
     """
     n = chain.reading.size
-    ahead = np.zeros((n, 5))  # predicted: speed, memory, and their covariance xx, xz, zz
-    kind = np.zeros(n, dtype=np.int8)  # 0 nothing known, 1 the first reading, 2 predicted
+    smoothing_pass(chain, q, R, means, variances, np.zeros((n, 5)), np.zeros(n, dtype=np.int8))
+
+
+def _smooth(
+    chain: Chain, q: float, R: float, means: Float64Array, variances: Float64Array, ahead: Float64Array, kind: Any
+) -> None:
+    """`smooth`; ahead (n, 5): predicted speed, memory, and their covariance xx, xz, zz; kind (n,).
+
+    kind, zero where it begins: 0 nothing known, 1 the first reading, 2 predicted.
+    """
+    n = chain.reading.size
     now = (0.0, 0.0, 0.0, 0.0, 0.0)
     known = False
     for i in range(n):
@@ -268,12 +298,15 @@ def _chain() -> Chain:
     )
 
 
-def _whiten_example() -> tuple[Any, ...]:
-    whole = np.zeros((0, 1))
-    return (_chain(), whole, whole, 1.0, 1.0, np.zeros(0), whole, whole)
-
-
+_SERIES, _WHOLE = np.zeros(0), np.zeros((0, 1))
 _MODULES = [sys.modules[__name__]]
-adjoint = compile_cached(_adjoint, _MODULES, lambda: (_chain(), 1.0, 1.0, np.zeros(0), np.zeros(0)))
-whiten = compile_cached(_whiten, _MODULES, _whiten_example)
-smooth = compile_cached(_smooth, _MODULES, lambda: (_chain(), 1.0, 1.0, np.zeros((0, 2)), np.zeros((0, 2))))
+adjoint_pass = Kernel(_adjoint, _MODULES, lambda: (_chain(), 1.0, 1.0, *[_SERIES] * 4))
+whitening_pass = Kernel(
+    _whiten,
+    _MODULES,
+    lambda: (_chain(), _WHOLE, _WHOLE, 1.0, 1.0, _SERIES, _WHOLE, _WHOLE, _SERIES, _SERIES),
+    result=(0.0, 0),
+)
+smoothing_pass = Kernel(
+    _smooth, _MODULES, lambda: (_chain(), 1.0, 1.0, _WHOLE, _WHOLE, _WHOLE, np.zeros(0, dtype=np.int8))
+)

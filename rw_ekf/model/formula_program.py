@@ -201,6 +201,26 @@ def moved(slope: float, by: float) -> float:
     return slope * by if by != 0.0 else 0.0
 
 
+def pushed(stack: Stack, x: float) -> Stack:
+    """With a number on top."""
+    return x, stack[0], stack[1], stack[2], stack[3], stack[4], stack[5], stack[6]
+
+
+def swapped(stack: Stack) -> Stack:
+    """The upper two exchanged."""
+    return stack[1], stack[0], stack[2], stack[3], stack[4], stack[5], stack[6], stack[7]
+
+
+def replaced(stack: Stack, x: float) -> Stack:
+    """With a number in the place of the top."""
+    return x, stack[1], stack[2], stack[3], stack[4], stack[5], stack[6], stack[7]
+
+
+def joined(stack: Stack, x: float) -> Stack:
+    """With a number in the place of the upper two."""
+    return x, stack[2], stack[3], stack[4], stack[5], stack[6], stack[7], 0.0
+
+
 def formula_value(values: Any, start: int, count: int, at: Moment) -> tuple[float, float]:
     """(value, slope by omega) of the program values[start:start + count]; NaN where there is none."""
     top, slopes = _EMPTY, _EMPTY
@@ -223,16 +243,16 @@ def formula_value(values: Any, start: int, count: int, at: Moment) -> tuple[floa
                 x = at.angle
             else:
                 x = at.time
-            top, slopes = (x,) + top[:-1], (slope,) + slopes[:-1]  # noqa: RUF005 - numba knows no star here
+            top, slopes = pushed(top, x), pushed(slopes, slope)
         elif code == _SWAP:
-            top, slopes = (top[1], top[0]) + top[2:], (slopes[1], slopes[0]) + slopes[2:]  # noqa: RUF005
+            top, slopes = swapped(top), swapped(slopes)
         elif code < _ADD:
             x, slope = one_argument(code, top[0])
-            top, slopes = (known(x),) + top[1:], (moved(slope, slopes[0]),) + slopes[1:]  # noqa: RUF005
+            top, slopes = replaced(top, known(x)), replaced(slopes, moved(slope, slopes[0]))
         else:
             x, of_x, of_y = two_arguments(code, top[1], top[0])
             slope = moved(of_x, slopes[1]) + moved(of_y, slopes[0])
-            top, slopes = (known(x),) + top[2:] + (0.0,), (slope,) + slopes[2:] + (0.0,)  # noqa: RUF005
+            top, slopes = joined(top, known(x)), joined(slopes, slope)
     return top[0], slopes[0]
 
 

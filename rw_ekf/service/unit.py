@@ -80,7 +80,7 @@ def unit_text(service: Service) -> str:
         "# `rw-ekf stop` of any user finds the run by a lock file there.",
         "PrivateTmp=no",
         f"CacheDirectory={_CACHE}",
-        f"Environment=NUMBA_CACHE_DIR=%C/{_CACHE}",
+        f"Environment=RW_EKF_CACHE_DIR=%C/{_CACHE}",
         "DevicePolicy=closed",
         *(f"DeviceAllow=char-{kind} rw" for kind in service.devices),
         f"RestrictAddressFamilies={families}",

@@ -5,23 +5,16 @@ A new effect's file is found by the catalogue and needs no line here. The functi
 
 from __future__ import annotations
 
-import importlib
-import inspect
 from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
 from rw_ekf.effects import catalogue
-from rw_ekf.effects.catalogue import ADDED_MODULES, of_kind
+from rw_ekf.effects.catalogue import of_kind
 from rw_ekf.model import memory_coast as memory_coast_home
 from rw_ekf.model import memory_flow as memory_flow_home
 from rw_ekf.model.effect_kinds import CurrentEffect, FrictionMemoryEffect, StaticEffect
 
-_HOMES = (
-    "rw_ekf.effects.",
-    "rw_ekf.model.memory_",
-    *(module.__name__.partition(".")[0] for module in ADDED_MODULES),
-)
 _STATIC_ARGUMENTS = "a, q, at"
 _LAG_ARGUMENTS = "a, q, state, current, duration"
 _FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q, duration"
@@ -46,24 +39,6 @@ def _choice(
     return made
 
 
-def _called_by(effect: type[Any]) -> list[Callable[..., Any]]:
-    """Plain functions of the effect's own module and of the modules that it, and they, import them from."""
-    homes: set[str] = set()
-    ahead = {effect.__module__}
-    while ahead:
-        module = importlib.import_module(ahead.pop())
-        functions = [value for value in vars(module).values() if inspect.isfunction(value)]
-        used = {function.__module__ for function in functions if function.__module__.startswith(_HOMES)}
-        ahead |= used - homes
-        homes |= used
-    return [
-        value
-        for home in sorted(homes)
-        for value in vars(importlib.import_module(home)).values()
-        if inspect.isfunction(value) and value.__module__ == home
-    ]
-
-
 STATIC_EFFECTS = of_kind(StaticEffect)
 CURRENT_EFFECTS = of_kind(CurrentEffect)
 MEMORY_EFFECTS = of_kind(FrictionMemoryEffect)
@@ -81,10 +56,3 @@ memory_flow = _choice("memory_flow", _FLOW_ARGUMENTS, [effect.flow for effect in
 
 # Every module of an effect, and what its functions call: the compiled passes are stale when one of them changes.
 MODULES: list[ModuleType] = [*catalogue.MODULES, memory_coast_home, memory_flow_home]
-JITABLE: list[Callable[..., Any]] = [
-    *(function for effect in MEMORY_EFFECTS for function in _called_by(effect)),
-    *(effect.contribution for effect in STATIC_EFFECTS),
-    *(effect.slope for effect, simply in zip(STATIC_EFFECTS, _PROPORTIONAL, strict=True) if not simply),
-    *(effect.lagged for effect in CURRENT_EFFECTS),
-    *(effect.flow for effect in MEMORY_EFFECTS),
-]

@@ -142,7 +142,8 @@ def seed_hidden(x: Any, P: Any, table: EffectTable, current: float, omega_s: flo
         x[table.lag_state_at] = current
     if table.memory_state_at >= 0:
         x[table.memory_state_at] = math.copysign(x[COULOMB], x[SPEED]) if abs(x[SPEED]) > omega_s else 0.0
-        P[table.memory_state_at, table.memory_state_at] = (0.3 * x[COULOMB]) ** 2
+        spread = 0.3 * x[COULOMB]
+        P[table.memory_state_at, table.memory_state_at] = spread * spread
 
 
 def open_past(x: Any, P: Any, table: EffectTable, current: float) -> None:

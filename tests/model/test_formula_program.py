@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 
-import rw_ekf.wheel.equations  # noqa: F401 - registers the functions with numba
 from rw_ekf.checking.formula import LONGEST, ONE_ARGUMENT, parsed
+from rw_ekf.compiled import Kernel
 from rw_ekf.model.formula_program import formula_size, formula_value, program_of
 from rw_ekf.model.moment import Moment
+from rw_ekf.wheel.equations import EQUATIONS
 
 NUMBERS = {"a": 1.0, "w": 7.0}
 FUNCTIONS: dict[str, Any] = {
@@ -23,11 +24,13 @@ FUNCTIONS: dict[str, Any] = {
 }  # fmt: skip
 
 
-@njit  # type: ignore[untyped-decorator]
-def compiled(program: Any, omega: float, current: float) -> tuple[float, float]:
-    """The same by numba."""
-    found: tuple[float, float] = formula_value(program, 0, program.size, Moment(omega, current, 21.0, 0.5, 3.0, 0.0))
-    return found
+def _run(program: Any, omega: float, current: float) -> tuple[float, float]:
+    return formula_value(program, 0, program.size, Moment(omega, current, 21.0, 0.5, 3.0, 0.0))
+
+
+compiled = Kernel(
+    _run, [*EQUATIONS, sys.modules[__name__]], lambda: (np.zeros(1), 0.0, 0.0), "formula", result=(0.0, 0.0)
+)
 
 
 def of_text(text: str, omega: float, current: float) -> tuple[float, float]:

@@ -30,7 +30,7 @@ def install(site: Path, groups: dict[str, dict[str, str]], name: str = "acme-whe
 def environment(site: Path) -> dict[str, str]:
     """With that package, and a cache of compiled routines of its own."""
     path = os.pathsep.join([str(ROOT), str(ACME), str(site)])
-    return {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(site / "cache")}
+    return {**os.environ, "PYTHONPATH": path, "RW_EKF_CACHE_DIR": str(site / "cache")}
 
 
 @pytest.fixture

@@ -66,12 +66,12 @@ def main() -> int:
 
 def _first_use() -> None:
     """Print what the first replay and the first diagnosis compile: announced, processor time and wall time."""
-    code = "import sys, rw_ekf.compile_ahead as c; c.compile_in_children(getattr(c, sys.argv[1]), lambda n: 0)"
+    code = "import sys, rw_ekf.compile_ahead as c; c.compile_all(getattr(c, sys.argv[1]))"
     for verb, kernels in (("replay, fit", "FIT"), ("diagnose", "DIAGNOSIS")):
         announced = compile_ahead.seconds_of(getattr(compile_ahead, kernels))
         with tempfile.TemporaryDirectory() as folder:
             begun = time.monotonic()
-            spent = spent_by(("env", f"NUMBA_CACHE_DIR={folder}", sys.executable, "-c", code, kernels)).processor_s
+            spent = spent_by(("env", f"RW_EKF_CACHE_DIR={folder}", sys.executable, "-c", code, kernels)).processor_s
             took = time.monotonic() - begun
         print(f"{verb:<22}announced {announced:4.0f} s   took {took:4.1f} s   processor time {spent:4.1f} s")
 

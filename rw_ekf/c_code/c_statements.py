@@ -5,8 +5,8 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING
 
-from rw_ekf.flight.c_expressions import c_name
-from rw_ekf.flight.c_types import (
+from rw_ekf.c_code.c_expressions import c_name
+from rw_ekf.c_code.c_types import (
     INT,
     UNARY,
     Value,
@@ -16,7 +16,7 @@ from rw_ekf.flight.c_types import (
 if TYPE_CHECKING:
     pass
 
-from rw_ekf.flight.c_stores import Stores
+from rw_ekf.c_code.c_stores import Stores
 
 _ENDS = (ast.Return, ast.Break, ast.Continue)
 
@@ -146,16 +146,17 @@ class Body(Stores):
             times = self.program.bound_of(ast.unparse(call.args[1 if len(parts) > 1 else 0]))
             if times is None and self.wanted is None:
                 times = 1  # what is known by the next pass may tell
-            if times is None:
+            if times is None and self.program.bounded:
                 raise self.scope.fail(node.iter, "has no bound that is known")
-            guard, most = f" && ({counter} < {times})", times - 1
+            if self.program.bounded and times is not None:
+                guard, most = f" && ({counter} < {times})", times - 1
         self.scope.names[name.id] = Value(counter, INT)
         if most is not None:
             self.scope.most[name.id] = most
         test = f"{counter} {'<' if step > 0 else '>'} {stop.within(UNARY - 1)}"
         test = f"({test}){guard}" if guard else test
         self._line(f"for (int {counter} = {start.code}; {test}; {'++' if step > 0 else '--'}{counter}) {{")
-        self._repeated(node.body, times)
+        self._repeated(node.body, times or 1)
 
     def _most(self, node: ast.expr) -> int | None:
         """The largest that a whole number can be, where that is known."""
@@ -170,6 +171,10 @@ class Body(Stores):
         return max(value.possible) if value.possible and value.type == INT else None
 
     def _while(self, node: ast.While) -> None:
+        if not self.program.bounded:
+            self._line(f"while ({self.scope.value(node.test).code}) {{")
+            self._repeated(node.body, 1)
+            return
         times = self.program.bound_of_while(self.scope.function, self._whiles)
         self._whiles += 1
         counter = f"turn_{self._whiles}"

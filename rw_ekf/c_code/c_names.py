@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.flight.c_types import (
+from rw_ekf.c_code.c_types import (
     ATOM,
     BOOL,
     CLOCK,
@@ -24,11 +24,12 @@ from rw_ekf.flight.c_types import (
     Struct,
     Type,
     Value,
+    View,
     converted,
     is_constant_structure,
     number,
 )
-from rw_ekf.flight.python_source import comment_of_constant, comments_of_members, origin_of
+from rw_ekf.c_code.python_source import comment_of_constant, comments_of_members, origin_of
 
 _BUILTINS = {
     "rw_min": "static {t} {name}({t} a, {t} b)\n{{\n    return (b < a) ? b : a;\n}}\n",
@@ -40,12 +41,22 @@ _BUILTINS = {
 }
 
 
+_ITEMS = {"f": REAL, "i": INT, "b": BOOL}
+
+
 class Names:
     """What is printed so far. Constants of a model are known; what is held in memory has the types of an example."""
 
-    def __init__(self, *, single: bool, clocks: frozenset[str], domains: Mapping[str, frozenset[int]]) -> None:
-        """single: reals are float. clocks: members that stay double. domains: all values of members that are whole."""
+    def __init__(
+        self, *, single: bool, clocks: frozenset[str], domains: Mapping[str, frozenset[int]], sizes_known: bool = True
+    ) -> None:
+        """single: reals are float. clocks: members that stay double. domains: all values of members that are whole.
+
+        sizes_known: arrays have the size of an example's; else they come as views.
+        """
         self.single = single
+        self.sizes_known = sizes_known
+        self.views: dict[str, View] = {}
         self.domains = domains
         self.structs: dict[str, tuple[Struct, dict[str, str]]] = {}
         self.macros: dict[str, tuple[str, str]] = {}
@@ -70,12 +81,31 @@ class Names:
         kind = type(example)
         members: list[tuple[str, Type]] = []
         for name, value in zip(kind._fields, example, strict=True):
-            if isinstance(value, np.ndarray):
+            if not self.sizes_known:
+                members.append((name, self.type_of(value)))
+            elif isinstance(value, np.ndarray):
                 item = INT if value.dtype.kind == "i" else CLOCK if name in self._clocks else REAL
                 members.append((name, Array(item, value.shape)))
             else:
                 members.append((name, self.hold(value)))
         return self._register(kind, tuple(members))
+
+    def type_of(self, example: Any) -> Type:
+        """The type of something whose size is not known; raises NotPrintableError for what has no C."""
+        if isinstance(example, np.ndarray):
+            stored = {"f8": "double", "i8": "int64_t", "i4": "int32_t", "i1": "int8_t", "b1": "bool"}
+            found = View(_ITEMS[example.dtype.kind], stored[example.dtype.str[1:]], example.ndim)
+            return self.viewed(found)
+        if is_constant_structure(example):
+            return self.hold(example) if _holds_arrays(example) else self.structure(type(example))
+        if isinstance(example, tuple):
+            return self._row(len(example))
+        return BOOL if isinstance(example, bool) else INT if isinstance(example, int) else REAL
+
+    def viewed(self, of: View) -> View:
+        """A view, whose structure is then defined."""
+        self.views[of.name] = of
+        return of
 
     def structure(self, kind: type[Any]) -> Struct:
         """The structure of a named tuple of scalars."""
@@ -209,6 +239,12 @@ class Names:
             label = name
         self.builtins[label] = _BUILTINS[name].format(t=of.c, of=first.c, name=label)
         return Value(f"{label}({', '.join(part.code for part in parts)})", of)
+
+
+def _holds_arrays(example: Any) -> bool:
+    return any(
+        isinstance(part, np.ndarray) or (is_constant_structure(part) and _holds_arrays(part)) for part in example
+    )
 
 
 def _label(of: Type | None) -> str:

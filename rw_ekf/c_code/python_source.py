@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from rw_ekf.flight.c_types import NotPrintableError
+from rw_ekf.c_code.c_types import NotPrintableError
 
 _NO_WORDS = ("noqa", "fmt:", "type: ignore")
 

@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rw_ekf.flight.c_expressions import c_name
-from rw_ekf.flight.c_names import Names
-from rw_ekf.flight.c_statements import Body
-from rw_ekf.flight.c_stores import assigned_names
-from rw_ekf.flight.c_types import (
+from rw_ekf.c_code.c_expressions import c_name
+from rw_ekf.c_code.c_names import Names
+from rw_ekf.c_code.c_statements import Body
+from rw_ekf.c_code.c_stores import assigned_names
+from rw_ekf.c_code.c_types import (
     ATOM,
     BOOL,
     CLOCK,
@@ -28,7 +28,7 @@ from rw_ekf.flight.c_types import (
     c_type,
     declared,
 )
-from rw_ekf.flight.python_source import source_of
+from rw_ekf.c_code.python_source import source_of
 
 _PASSES = 8
 
@@ -64,18 +64,22 @@ class Program(Names):
 
     def __init__(
         self, *, single: bool, clocks: frozenset[str], bounds: Mapping[str, int], whiles: Mapping[str, tuple[int, ...]],
-        domains: Mapping[str, frozenset[int]], by_flags: bool = False,
+        domains: Mapping[str, frozenset[int]], by_flags: bool = False, bounded: bool = True,
         instead: Mapping[Callable[..., Any], Callable[..., Any]] | None = None,
     ) -> None:  # fmt: skip
         """bounds: of loops that end at a variable. whiles: turns of each `while` of a function at most, in order.
+
+        bounded: no loop turns more often than is known; else sizes are not known either (`Names`).
 
         instead: what is printed in place of a function.
         by_flags: a function that is called with a flag that is known is printed for that flag alone. The rest as
         `Names` has it.
         """
-        super().__init__(single=single, clocks=clocks, domains=domains)
+        super().__init__(single=single, clocks=clocks, domains=domains, sizes_known=bounded)
+        self.bounded = bounded
         self.cost = 0
         self.functions: list[Printed] = []
+        self.entries: list[Printed] = []  # that are called from without, though they are no public functions
         self._bounds, self._whiles = bounds, whiles
         self._instead = {} if instead is None else instead
         self._settled = (None, INT, BOOL) if by_flags else (None, INT)  # types of arguments that need no parameter
@@ -110,6 +114,12 @@ class Program(Names):
         found, _ = self._for_call(function, arguments, {})
         found.name, found.public = name, True
         return found
+
+    def entry_of(self, function: Callable[..., Any], arguments: list[Value]) -> tuple[Printed, list[Value]]:
+        """A function that the text around the program calls, and those of the arguments that it takes."""
+        found, runtime = self._for_call(function, arguments, {})
+        self.entries.append(found)
+        return found, runtime
 
     def _for_call(
         self, function: Callable[..., Any], given: list[Value], named: dict[str, Value]
@@ -206,8 +216,8 @@ class Program(Names):
         return found
 
     def reached(self) -> list[Printed]:
-        """The functions that the public ones call, each behind those that it calls."""
-        ahead = [found for found in self.functions if found.public]
+        """The functions that are called from without, and those that they call; each behind those that it calls."""
+        ahead = [*self.entries, *(found for found in self.functions if found.public)]
         names: set[int] = set()
         while ahead:
             found = ahead.pop()

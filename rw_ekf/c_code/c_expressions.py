@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.flight.c_types import (
+from rw_ekf.c_code.c_types import (
     ATOM,
     BOOL,
     CHOICE,
@@ -31,18 +31,20 @@ from rw_ekf.flight.c_types import (
     Struct,
     Type,
     Value,
+    View,
     wider,
 )
 
 if TYPE_CHECKING:
-    from rw_ekf.flight.c_program import Program
+    from rw_ekf.c_code.c_program import Program
 
 _BINARY: dict[type[ast.operator], tuple[str, int, Callable[[Any, Any], Any]]] = {
     ast.Add: ("+", SUM, operator.add),
     ast.Sub: ("-", SUM, operator.sub),
     ast.Mult: ("*", PRODUCT, operator.mul),
     ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.Mod: ("%", PRODUCT, operator.mod),
+    ast.Mod: ("%", PRODUCT, operator.mod),  # as C has it: of whole numbers that are not negative, as the next
+    ast.FloorDiv: ("/", PRODUCT, operator.floordiv),
 }
 _COMPARED: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Lt: ("<", operator.lt),
@@ -130,6 +132,9 @@ class Scope:
         base = self.value(node.value)
         if isinstance(base.type, Array) and node.attr in ("shape", "size"):
             return Value("", None, ATOM, base.type.shape) if node.attr == "shape" else self._int(base.type.shape[0])
+        if isinstance(base.type, View) and node.attr in ("shape", "size"):
+            sizes = [Value(f"(int){base.code}.n{axis}", INT, UNARY) for axis in range(base.type.axes)]
+            return sizes[0] if node.attr == "size" else self.program.tuple_of(sizes)
         if isinstance(base.type, Struct) and base.code:
             of = base.type.member(node.attr)
             code = member_code(base, node.attr)
@@ -151,6 +156,8 @@ class Scope:
             if not index.is_known:
                 raise self.fail(node, "asks a constant for an element that is not known")
             return self.program.of_known(base.known[index.known], "")
+        if isinstance(base.type, View):
+            return self._of_view(node, base, base.type, indices)
         for index_node in indices:
             index = self.value(index_node)
             if isinstance(base.type, Array):
@@ -164,6 +171,20 @@ class Scope:
             else:
                 raise self.fail(node, "cannot be indexed")
         return base
+
+    def _of_view(self, node: ast.Subscript, base: Value, of: View, indices: list[ast.expr]) -> Value:
+        """An element, a row, or a stretch of a row."""
+        if isinstance(node.slice, ast.Slice):
+            if node.slice.lower is None or node.slice.upper is None or of.axes != 1:
+                raise self.fail(node, "is no stretch from here to there")
+            low, high = self.value(node.slice.lower), self.value(node.slice.upper)
+            code = f"{base.code}.at + {low.within(SUM)}, {high.within(SUM)} - {low.within(SUM)}"
+            return Value(f"(struct {of.name}){{{code}}}", of)
+        codes = [self.program.convert(self.value(index), INT).within(UNARY) for index in indices]
+        if len(codes) == of.axes:
+            return Value(of.element(base.code, codes), of.item)
+        code, row = of.part(base.code, codes)
+        return Value(code, self.program.viewed(row))
 
     def _binop(self, node: ast.BinOp) -> Value:
         if type(node.op) not in _BINARY:

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.flight.c_expressions import Scope, c_name, member_code
-from rw_ekf.flight.c_types import (
+from rw_ekf.c_code.c_expressions import Scope, c_name, member_code
+from rw_ekf.c_code.c_types import (
     BOOL,
     INT,
     REAL,
@@ -20,14 +20,15 @@ from rw_ekf.flight.c_types import (
     Struct,
     Type,
     Value,
+    View,
     c_type,
     declared,
     wider,
 )
-from rw_ekf.flight.python_source import Source
+from rw_ekf.c_code.python_source import Source
 
 if TYPE_CHECKING:
-    from rw_ekf.flight.c_program import Program
+    from rw_ekf.c_code.c_program import Program
 
 
 def assigned_names(tree: ast.FunctionDef) -> Counter[str]:
@@ -136,6 +137,15 @@ class Stores:
     def _store_line(self, target: ast.Subscript, parts: list[ast.expr], value: Value) -> None:
         """A number into a whole row or column."""
         base = self.scope.value(target.value)
+        if isinstance(base.type, View):
+            axis = [isinstance(part, ast.Slice) for part in parts].index(True)
+            codes = ["at" if isinstance(part, ast.Slice) else self.scope.value(part).code for part in parts]
+            self._line(f"for (int at = 0; at < {base.code}.n{axis}; ++at) {{")
+            self._line(
+                f"    {base.type.element(base.code, codes)} = {self.program.convert(value, base.type.item).code};"
+            )
+            self._line("}")
+            return
         assert isinstance(base.type, Array)
         indices = ["at" if isinstance(part, ast.Slice) else self.scope.value(part).code for part in parts]
         count = base.type.shape[[isinstance(part, ast.Slice) for part in parts].index(True)]

@@ -59,6 +59,41 @@ class Array:
 
 
 @dataclass(frozen=True)
+class View:
+    """A row, a matrix or a stack of matrices whose size is known only as the program runs: where it lies, how large."""
+
+    item: Scalar
+    stored: str  # as C spells what lies in memory
+    axes: int
+
+    @property
+    def name(self) -> str:
+        """Of the structure: `at`, and `n0` to `n2`."""
+        return f"rw_{self.stored}_{self.axes}"
+
+    @property
+    def definition(self) -> str:
+        """Of the structure."""
+        sizes = ", ".join(f"n{axis}" for axis in range(self.axes))
+        return f"struct {self.name} {{\n    {self.stored} *at;\n    long {sizes};\n}};\n\n"
+
+    def element(self, code: str, indices: list[str]) -> str:
+        """The element, or where the row or matrix of these indices begins."""
+        place = ""
+        for axis, index in enumerate(indices):
+            place = f"({place}) * {code}.n{axis} + {index}" if place else index if self.axes == 1 else f"(long){index}"
+        for axis in range(len(indices), self.axes):
+            place = f"({place}) * {code}.n{axis}"
+        return f"{code}.at[{place}]" if len(indices) == self.axes else f"{code}.at + {place}"
+
+    def part(self, code: str, indices: list[str]) -> tuple[str, View]:
+        """The row or matrix of these first indices."""
+        rest = View(self.item, self.stored, self.axes - len(indices))
+        sizes = ", ".join(f"{code}.n{axis}" for axis in range(len(indices), self.axes))
+        return f"(struct {rest.name}){{{self.element(code, indices)}, {sizes}}}", rest
+
+
+@dataclass(frozen=True)
 class Struct:
     """A named tuple, or a tuple of parts of different types."""
 
@@ -68,7 +103,7 @@ class Struct:
     @property
     def held(self) -> bool:
         """Whether it holds arrays, and so is handed over by its address."""
-        return any(isinstance(of, Array) or (isinstance(of, Struct) and of.held) for _, of in self.members)
+        return any(isinstance(of, Array | View) or (isinstance(of, Struct) and of.held) for _, of in self.members)
 
     def member(self, name: str) -> Type:
         """Its type."""
@@ -87,7 +122,7 @@ class Row:
         return f"rw_real_{self.count}"
 
 
-Type = Scalar | Array | Struct | Row
+Type = Scalar | Array | View | Struct | Row
 _NONE_KNOWN: Any = object()
 
 
