@@ -1,7 +1,7 @@
 """Passes over a log, compiled: plain functions of Python printed as C (`rw_ekf.c_code`), for this machine's compiler.
 
 A library is stale as soon as the source of any module whose functions are in it changes: the stamp is a digest over all
-of them (docs/decisions/0003). Where there is no compiler all runs as plain Python, some hundred times slower.
+of them (docs/decisions/0052). Where there is no compiler all runs as plain Python, some hundred times slower.
 """
 
 from __future__ import annotations
@@ -58,15 +58,19 @@ class Kernel:
         variant: str = "",
         *,
         result: Any = None,
+        sizes_known: bool = False,
     ) -> None:
         """modules: all whose functions are compiled in. example: arguments; what is None there is None in every call.
 
         variant: of the name, where one function makes two kernels. result: an example of what is returned.
+        sizes_known: rows and matrices of numbers that are not empty in the example have their size in every call, for
+        which loops over them are written out.
         """
         self.plain = plain
         home = plain.__module__.rpartition(".")[2]
         self.name = "_".join(part for part in (home, plain.__name__.strip("_"), variant) if part)
         self._modules, self._example, self._result = modules, example, packing.Result(result)
+        self._sizes_known = sizes_known
         self._native: _Native | None = None
 
     def __call__(self, *given: Any) -> Any:
@@ -90,7 +94,7 @@ class Kernel:
 
     @functools.cached_property
     def _layout(self) -> packing.Layout:
-        return packing.Layout(self._example())
+        return packing.Layout(self._example(), sizes_known=self._sizes_known)
 
     @functools.cached_property
     def stamp(self) -> str:
@@ -106,12 +110,17 @@ class Kernel:
         return self._native is not None
 
     def begin(self) -> Compilation:
-        """Let a compiler begin. Raises CompilerError where there is none."""
+        """Let a compiler begin. Raises CompilerError where there is none, or where what it calls has no C."""
         if compiler() is None:
             raise CompilerError("no C compiler is found")  # before anything is printed
         from rw_ekf.c_code.c_kernel import kernel_text
+        from rw_ekf.c_code.c_types import NotPrintableError
 
-        text = kernel_text(self.plain, self._example(), self._layout.size, self._result.size)
+        sizes = self._layout.size, self._result.size
+        try:
+            text = kernel_text(self.plain, self._example(), *sizes, sizes_known=self._sizes_known)
+        except NotPrintableError as error:  # an effect of somebody else's
+            raise CompilerError(f"this has no C: {error}") from None
         return Compilation(self.name, self.stamp, text)
 
     def compile(self) -> None:

@@ -1,4 +1,4 @@
-"""What a simulated wheel is made of: its parameters and its state, as named tuples of numbers that numba takes too."""
+"""What a simulated wheel is made of: its parameters and its state, as named tuples of numbers, which C takes too."""
 
 from __future__ import annotations
 

@@ -20,14 +20,18 @@ typedef double rw_real;
 """
 
 
-def kernel_text(function: Callable[..., Any], example: Sequence[Any], given_bytes: int, result_bytes: int) -> str:
+def kernel_text(
+    function: Callable[..., Any], example: Sequence[Any], given_bytes: int, result_bytes: int, *, sizes_known: bool
+) -> str:
     """C of `void rw_run(struct rw_given *given, T *result)`, with the arguments one behind the other in `given`.
 
-    An argument that is None in the example is None in every call: what depends on it is left out. The sizes are those
-    of the structures as the caller packs them. Raises NotPrintableError for what has no C.
+    An argument that is None in the example is None in every call: what depends on it is left out. With sizes_known a
+    row or a matrix of numbers that is not empty in the example has its size in every call. The bytes are those of the
+    structures as the caller packs them. Raises NotPrintableError for what has no C.
     """
     program = Program(
-        single=False, clocks=frozenset(), bounds={}, whiles={}, domains={}, by_flags=True, bounded=False
+        single=False, clocks=frozenset(), bounds={}, whiles={}, domains={}, by_flags=True, bounded=False,
+        sizes_known=sizes_known,
     )  # fmt: skip
     members: list[tuple[str, Type]] = []
     given: list[Value] = []

@@ -25,7 +25,7 @@ ENTRY = "rw_run"
 COMPILER_VARIABLE = "RW_EKF_CC"  # a compiler's command; "none": there is none, and all runs as plain Python
 FOLDER_VARIABLE = "RW_EKF_CACHE_DIR"
 # IEEE arithmetic as Python has it: nothing is fused or reordered; what `math` raises is NaN or infinite here.
-FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-w")
+FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-w")
 _COMPILERS = ("cc", "gcc", "clang")
 _SEAL_BYTES = hashlib.sha256().digest_size
 

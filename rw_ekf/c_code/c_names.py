@@ -48,14 +48,17 @@ class Names:
     """What is printed so far. Constants of a model are known; what is held in memory has the types of an example."""
 
     def __init__(
-        self, *, single: bool, clocks: frozenset[str], domains: Mapping[str, frozenset[int]], sizes_known: bool = True
-    ) -> None:
+        self, *, single: bool, clocks: frozenset[str], domains: Mapping[str, frozenset[int]], holds_arrays: bool = True,
+        sizes_known: bool = True,
+    ) -> None:  # fmt: skip
         """single: reals are float. clocks: members that stay double. domains: all values of members that are whole.
 
-        sizes_known: arrays have the size of an example's; else they come as views.
+        holds_arrays: structures have room for their arrays, else they point to them, and the sizes of these are known
+        only as the program runs; but those of the rows and matrices of numbers in an example where they are not empty
+        and sizes_known says so.
         """
         self.single = single
-        self.sizes_known = sizes_known
+        self.holds_arrays, self.sizes_known = holds_arrays, sizes_known
         self.views: dict[str, View] = {}
         self.domains = domains
         self.structs: dict[str, tuple[Struct, dict[str, str]]] = {}
@@ -81,7 +84,7 @@ class Names:
         kind = type(example)
         members: list[tuple[str, Type]] = []
         for name, value in zip(kind._fields, example, strict=True):
-            if not self.sizes_known:
+            if not self.holds_arrays:
                 members.append((name, self.type_of(value)))
             elif isinstance(value, np.ndarray):
                 item = INT if value.dtype.kind == "i" else CLOCK if name in self._clocks else REAL
@@ -91,8 +94,10 @@ class Names:
         return self._register(kind, tuple(members))
 
     def type_of(self, example: Any) -> Type:
-        """The type of something whose size is not known; raises NotPrintableError for what has no C."""
+        """The type of something that is pointed to, or of numbers; raises NotPrintableError for what has no C."""
         if isinstance(example, np.ndarray):
+            if self.sizes_known and example.size and example.dtype == np.float64:
+                return Array(REAL, example.shape, elsewhere=True)
             stored = {"f8": "double", "i8": "int64_t", "i4": "int32_t", "i1": "int8_t", "b1": "bool"}
             found = View(_ITEMS[example.dtype.kind], stored[example.dtype.str[1:]], example.ndim)
             return self.viewed(found)

@@ -64,18 +64,20 @@ class Program(Names):
 
     def __init__(
         self, *, single: bool, clocks: frozenset[str], bounds: Mapping[str, int], whiles: Mapping[str, tuple[int, ...]],
-        domains: Mapping[str, frozenset[int]], by_flags: bool = False, bounded: bool = True,
+        domains: Mapping[str, frozenset[int]], by_flags: bool = False, bounded: bool = True, sizes_known: bool = True,
         instead: Mapping[Callable[..., Any], Callable[..., Any]] | None = None,
     ) -> None:  # fmt: skip
         """bounds: of loops that end at a variable. whiles: turns of each `while` of a function at most, in order.
 
-        bounded: no loop turns more often than is known; else sizes are not known either (`Names`).
+        bounded: no loop turns more often than is known, and structures have room for arrays (`Names`).
 
         instead: what is printed in place of a function.
         by_flags: a function that is called with a flag that is known is printed for that flag alone. The rest as
         `Names` has it.
         """
-        super().__init__(single=single, clocks=clocks, domains=domains, sizes_known=bounded)
+        super().__init__(
+            single=single, clocks=clocks, domains=domains, holds_arrays=bounded, sizes_known=sizes_known
+        )  # fmt: skip
         self.bounded = bounded
         self.cost = 0
         self.functions: list[Printed] = []

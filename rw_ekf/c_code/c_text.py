@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.c_code.c_expressions import c_name
 from rw_ekf.c_code.c_program import Printed, Program
-from rw_ekf.c_code.c_types import Array, Scalar, Struct
+from rw_ekf.c_code.c_types import Array, Scalar, Struct, c_type
 
 _VALUES_IN_LINE = 4
 
@@ -79,14 +79,13 @@ def _structure(program: Program, name: str) -> str:
     found, comments = program.structs[name]
     lines = []
     for member, of in found.members:
-        text = of.embedded(c_name(member)) if isinstance(of, Array) else f"{_spelled(of)} {c_name(member)}"
+        if isinstance(of, Array):
+            text = of.declared(c_name(member)) if of.elsewhere else of.embedded(c_name(member))
+        else:
+            text = f"{c_type(of)} {c_name(member)}"
         comment = comments.get(member, "")
         lines.append(f"    {text};{f'  /* {comment} */' if comment else ''}\n")
     return f"struct {name} {{\n{''.join(lines)}}};\n\n"
-
-
-def _spelled(of: Any) -> str:
-    return of.c if isinstance(of, Scalar) else f"struct {of.name}"
 
 
 def numbers(program: Program, name: str, value: Any, of: Array) -> str:

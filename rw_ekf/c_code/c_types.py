@@ -40,6 +40,7 @@ class Array:
     item: Scalar
     shape: tuple[int, ...]
     fixed: bool = False  # a constant of the program
+    elsewhere: bool = False  # structures point to it
 
     @property
     def row(self) -> Array | Scalar:
@@ -48,10 +49,10 @@ class Array:
 
     def declared(self, name: str) -> str:
         """A parameter or a local variable: a pointer."""
-        prefix = "const " if self.fixed else ""
+        prefix, star = "const " if self.fixed else "", "*restrict " if self.elsewhere else "*"
         if len(self.shape) == 1:
-            return f"{prefix}{self.item.c} *{name}"
-        return f"{prefix}{self.item.c} (*{name}){''.join(f'[{n}]' for n in self.shape[1:])}"
+            return f"{prefix}{self.item.c} {star}{name}"
+        return f"{prefix}{self.item.c} ({star}{name}){''.join(f'[{n}]' for n in self.shape[1:])}"
 
     def embedded(self, name: str) -> str:
         """A member or a global: the array itself."""

@@ -6,6 +6,7 @@ The types are those of an example: bool, int, float, arrays, and tuples of these
 from __future__ import annotations
 
 import struct
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -21,14 +22,16 @@ class Layout:
     Raises TypeError, as it packs, for an array of another kind or in no order that C knows.
     """
 
-    def __init__(self, example: Sequence[Any]) -> None:
+    def __init__(self, example: Sequence[Any], *, sizes_known: bool = False) -> None:
+        """sizes_known: see `c_kernel.kernel_text`."""
         signs, places = "@", []
+        rows: list[_Row] = []
         for i, value in enumerate(example):
-            signs += _format_of(value)
-            places += _places_of(value, f"given[{i}]")
+            signs += _format_of(value, sizes_known)
+            places += _places_of(value, f"given[{i}]", rows, sizes_known)
         self._struct = struct.Struct(signs + _ALIGNED)
         source = f"lambda given: ({''.join(f'{place}, ' for place in places)})"
-        self._words: Callable[[Sequence[Any]], tuple[Any, ...]] = eval(source, {"_row": _row})
+        self._words: Callable[[Sequence[Any]], tuple[Any, ...]] = eval(source, {"rows": rows})
 
     @property
     def size(self) -> int:
@@ -45,7 +48,7 @@ class Result:
 
     def __init__(self, example: Any) -> None:
         self._kind = type(example) if isinstance(example, tuple) else None
-        self._struct = struct.Struct("" if example is None else "@" + _format_of(example))
+        self._struct = struct.Struct("" if example is None else "@" + _format_of(example, False))
 
     @property
     def size(self) -> int:
@@ -60,32 +63,54 @@ class Result:
         return self._kind(*found) if hasattr(self._kind, "_fields") else found
 
 
-def _format_of(value: Any) -> str:
+def _is_sized(array: np.ndarray[Any, Any], sizes_known: bool) -> bool:
+    """Whether only its address is handed over."""
+    return sizes_known and array.size > 0 and array.dtype == np.float64
+
+
+def _format_of(value: Any, sizes_known: bool) -> str:
     if value is None:
         return ""
     if isinstance(value, np.ndarray):
-        return _ALIGNED + "P" + "l" * value.ndim
+        return _ALIGNED + "P" + ("" if _is_sized(value, sizes_known) else "l" * value.ndim)
     if isinstance(value, tuple):
-        return _ALIGNED + "".join(_format_of(part) for part in value) + _ALIGNED
+        return _ALIGNED + "".join(_format_of(part, sizes_known) for part in value) + _ALIGNED
     return _SIGNS[type(value)]
 
 
-def _places_of(value: Any, path: str) -> list[str]:
-    """How each word of a value is asked for, in Python."""
+def _places_of(value: Any, path: str, rows: list[_Row], sizes_known: bool) -> list[str]:
+    """How each word of a value is asked for, in Python; rows: to which those of its arrays are added."""
     if value is None:
         return []
     if isinstance(value, np.ndarray):
-        return [f"*_row({path}, '{value.dtype.char}', {value.ndim})"]
+        rows.append(_Row(value.dtype.char, value.ndim, value.shape if _is_sized(value, sizes_known) else ()))
+        return [f"*rows[{len(rows) - 1}]({path})"]
     if isinstance(value, tuple):
-        return [place for i, part in enumerate(value) for place in _places_of(part, f"{path}[{i}]")]
+        parts = [_places_of(part, f"{path}[{i}]", rows, sizes_known) for i, part in enumerate(value)]
+        return [place for part in parts for place in part]
     return [path]
 
 
-def _row(array: np.ndarray[Any, Any], kind: str, axes: int) -> tuple[int, ...]:
-    """Where an array lies, and its sizes."""
-    if array.dtype.char != kind or array.ndim != axes or not array.flags.c_contiguous:
-        raise TypeError(
-            f"an array of {array.dtype} {array.shape} with strides {array.strides} where C reads {np.dtype(kind)} "
-            f"with {axes} axes, one element behind the other"
-        )
-    return (array.__array_interface__["data"][0], *array.shape)
+class _Row:
+    """Where the array at one place of the arguments lies, and its sizes where those are not known.
+
+    To ask an array takes a microsecond, a whitening that is called a thousand times in a row as long as that: what was
+    asked last is kept.
+    """
+
+    def __init__(self, kind: str, axes: int, shape: tuple[int, ...]) -> None:
+        self._kind, self._axes, self._shape = kind, axes, shape
+        self._last: tuple[Callable[[], Any], tuple[int, ...]] = (lambda: None), ()  # one, for threads
+
+    def __call__(self, array: np.ndarray[Any, Any]) -> tuple[int, ...]:
+        last, words = self._last
+        if last() is not array:
+            is_odd = array.dtype.char != self._kind or array.ndim != self._axes or not array.flags.c_contiguous
+            if is_odd or (self._shape and array.shape != self._shape):
+                raise TypeError(
+                    f"an array of {array.dtype} {array.shape} with strides {array.strides} where C reads "
+                    f"{np.dtype(self._kind)} {self._shape or f'with {self._axes} axes'}, one element behind the other"
+                )
+            words = (array.__array_interface__["data"][0], *(() if self._shape else array.shape))
+            self._last = weakref.ref(array), words
+        return words

@@ -97,11 +97,12 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
     table = NO_EFFECTS.table() if with_effects else None
     course = Course.of(series, series, series)
     out = FreeRun(series, series, whole)
-    return table, Stribeck(1.0, 0), course, whole, numbers, numbers, out, series, series, series
+    scratch = np.zeros(STATE_SIZE), np.zeros(STATE_SIZE), np.zeros(row_size(STATE_SIZE))
+    return table, Stribeck(1.0, 0), course, whole, numbers, numbers, out, *scratch
 
 
 _MODULES = [*EQUATIONS, _course, sys.modules[__name__]]
-run_free = Kernel(_run, _MODULES, lambda: _example(with_effects=False))
+run_free = Kernel(_run, _MODULES, lambda: _example(with_effects=False), sizes_known=True)
 run_free_with_effects = Kernel(_run, _MODULES, lambda: _example(with_effects=True), "with_effects")
 
 

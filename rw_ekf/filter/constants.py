@@ -1,4 +1,4 @@
-"""The numbers that steer the filter, in SI, as one flat named tuple that Python and numba both read."""
+"""The numbers that steer the filter, in SI, as one flat named tuple that plain and compiled code both read."""
 
 from __future__ import annotations
 

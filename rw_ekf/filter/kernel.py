@@ -192,5 +192,5 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
     return constants, table, Course.of(series, series, series), run, memory, nothing_past(), 0
 
 
-filter_pass = Kernel(_filter_pass, _MODULES, lambda: _example(with_effects=False))
+filter_pass = Kernel(_filter_pass, _MODULES, lambda: _example(with_effects=False), sizes_known=True)
 filter_pass_with_effects = Kernel(_filter_pass, _MODULES, lambda: _example(with_effects=True), "with_effects")

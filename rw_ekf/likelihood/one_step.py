@@ -198,15 +198,16 @@ def _one_step_pass(
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
     series, whole = np.zeros(0), np.zeros((0, STATE_SIZE))
+    course = Course.of(series, series, series)
     return (
-        series, NO_EFFECTS.table() if with_effects else None, Stribeck(1.0, 0), Course.of(series, series, series),
+        np.zeros(STATE_SIZE), NO_EFFECTS.table() if with_effects else None, Stribeck(1.0, 0), course,
         np.zeros(0, np.bool_), Trajectory(*[series] * 4), Prediction(series, series, whole, series, whole),
-        _Scratch(*[series] * 6),
+        _Scratch.of(np.zeros(STATE_SIZE)),
     )  # fmt: skip
 
 
 _MODULES = [*EQUATIONS, _course, sys.modules[__name__]]
-one_step_pass = Kernel(_one_step_pass, _MODULES, lambda: _example(with_effects=False))
+one_step_pass = Kernel(_one_step_pass, _MODULES, lambda: _example(with_effects=False), sizes_known=True)
 one_step_pass_with_effects = Kernel(_one_step_pass, _MODULES, lambda: _example(with_effects=True), "with_effects")
 
 

@@ -36,7 +36,7 @@ class StaticEffect(Effect):
     """An effect that needs no memory: six contributions to a piece, and their slopes by the coefficient.
 
     a: coefficient; q: shape constants; at: speed and angle where the piece begins, the log's time in its middle, and
-    how long it is. Scalar functions that import only `math`: numba compiles them as they are.
+    how long it is. Scalar functions that import only `math`: they are compiled as they are.
     """
 
     @staticmethod

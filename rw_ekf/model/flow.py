@@ -6,7 +6,7 @@ curve can bear; the instant of zero speed is located, and the wheel is stopped t
 against s). The sensitivity obeys the variational equation between such events and is carried across them by the
 saltation factor f+/f-: at zero both branches are known, so the factor is exact and lies in [0, 1].
 
-Every function here is compiled by numba as it stands (rw_ekf.wheel.equations) and called as plain Python online.
+Every function here is compiled as it stands (rw_ekf.c_code) and called as plain Python online.
 """
 
 import math

@@ -7,7 +7,7 @@ With v = sigma * omega >= 0 the speed in the direction of motion (sigma = +1 or 
 where drive = k I. Written in v every branch is smooth through zero, so that a Runge-Kutta stage may look past the
 stop; which branch holds, and whether the wheel moves at all, is decided in `propagation`.
 
-Units: speeds rad/s, drive and c and s rad/s^2, b 1/s, omega_s rad/s. Python and numba run these same functions.
+Units: speeds rad/s, drive and c and s rad/s^2, b 1/s, omega_s rad/s. Plain and compiled, these same functions run.
 """
 
 import math

@@ -13,7 +13,7 @@ of a fast wheel, an L-stable Rosenbrock step of order four bears (two unknowns: 
 step follows the embedded error. Where v comes to zero the instant is located and the direction changes there, or, with
 the lag, the wheel holds. Far from zero, with T constant, there mostly is a closed form (`memory_coast`).
 
-Scalar functions that import only `math`: numba compiles them as they stand.
+Scalar functions that import only `math`: they are compiled as they stand.
 """
 
 from __future__ import annotations

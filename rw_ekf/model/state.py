@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rw_ekf.records import WheelState
 
-# Places in the state vector and its covariance; plain ints, which numba freezes into what it compiles.
+# Places in the state vector and its covariance; plain ints, which become constants of what is compiled.
 SPEED = 0  # omega [rad/s]
 MOTOR_GAIN = 1  # k = k_m/J [rad/s^2/A]
 VISCOUS = 2  # b/J [1/s]

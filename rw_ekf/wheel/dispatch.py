@@ -1,4 +1,4 @@
-"""One compiled call for every effect of the catalogue: the choice by code is written out, so that numba can follow it.
+"""One compiled call for every effect of the catalogue: the choice by code is written out, so that it can be printed.
 
 A new effect's file is found by the catalogue and needs no line here. The functions below are ordinary Python too.
 """
@@ -23,7 +23,7 @@ _FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q, duration"
 def _choice(
     name: str, arguments: str, functions: Sequence[Callable[..., Any]], given: Sequence[str] = ()
 ) -> Callable[..., Any]:
-    """A function `name(code, arguments)` that calls functions[code]; plain source, as closures defeat numba's cache.
+    """A function `name(code, arguments)` that calls functions[code], written out: what is printed as C has no closures.
 
     given: what each function is called with, where that is not the arguments.
     """
@@ -35,7 +35,7 @@ def _choice(
     namespace["__name__"] = __name__
     exec("\n".join(lines), namespace)
     made: Callable[..., Any] = namespace[name]
-    vars(made)["source"] = "\n".join(lines)  # for `rw_ekf.flight`, which prints it as C
+    vars(made)["source"] = "\n".join(lines)  # for `rw_ekf.c_code`, which prints it
     return made
 
 

@@ -1,4 +1,4 @@
-"""The equations of the wheel registered with numba: whoever compiles a pass over a log imports this first."""
+"""All modules whose functions are compiled into a pass over a log: the equations of the wheel and its effects."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The flow over one sample interval with effects: pieces re-read, terms gathered, then the model's own exact flow.
 
-docs/effects.md eq. 1-6. Scalars and indexed arrays only: plain Python calls it online, numba compiles it for logs.
+docs/effects.md eq. 1-6. Scalars and indexed arrays only: plain Python calls it online, compiled it runs over logs.
 """
 
 from typing import Any, NamedTuple

@@ -1,6 +1,6 @@
 """The filter's transition over one sample interval, in functions of scalars and indexed arrays (docs/filter.md).
 
-Plain Python calls them online with numpy arrays and lists; numba compiles them as they stand.
+Plain Python calls them online with numpy arrays and lists; passes over logs have them compiled as they stand.
 
 The current is constant in pieces: a command takes force some time after the speed was read, so that an interval has
 one piece, or two or more where `command_delay_s` says so.

@@ -110,7 +110,7 @@ def test_the_wheel_is_symmetric() -> None:
 
 @pytest.mark.parametrize("effect", [None, *EFFECTS])
 def test_compiled_and_plain_runs_are_the_same_bits(effect: str | None) -> None:
-    """numba compiles the very functions that Python runs."""
+    """The very functions that Python runs are compiled."""
     p = parse_effects([effect] if effect else [])
     times = np.arange(150) * 0.1
     current = 0.1 * np.sin(times)

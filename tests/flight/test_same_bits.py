@@ -89,7 +89,7 @@ def test_every_sample_has_the_bits_of_the_estimator(samples: int, tmp_path: Path
 
 @needs_gcc
 def test_the_compiled_pass_has_them_too(tmp_path: Path) -> None:
-    """numba's code and gcc's are one filter to the last bit, over a million samples with mended divergences."""
+    """What flies and the compiled pass are one filter to the last bit: a million samples with mended divergences."""
     log = long_log(1_000_000)
     found = in_c(compiled(tmp_path, setup_for(_CONSTANTS, DEFAULT_PRIOR)), log)
     course = Course.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
