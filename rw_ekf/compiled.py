@@ -88,9 +88,22 @@ class Kernel:
                 stay_plain()
                 return self.plain(*given)
         assert self._native is not None
+        try:
+            words = self._layout.pack(given)
+        except packing.ScatteredError:
+            return self._call_with_copies(given)
         result = ctypes.create_string_buffer(self._result.size)
-        self._native(self._layout.pack(given), result)
+        self._native(words, result)
         return self._result.unpack(result)
+
+    def _call_with_copies(self, given: Sequence[Any]) -> Any:
+        """A call with every second element of something, or a column: what is written is written back."""
+        copies: list[tuple[Any, Any]] = []
+        result = self(*(packing.in_order(value, copies) for value in given))
+        for array, copy in copies:
+            if array.flags.writeable:
+                array[...] = copy
+        return result
 
     @functools.cached_property
     def _layout(self) -> packing.Layout:

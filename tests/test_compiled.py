@@ -192,19 +192,34 @@ def test_every_kind_of_argument_arrives_and_every_result_comes_back() -> None:
     assert found.tobytes() == expected.tobytes()
 
 
-@pytest.mark.parametrize(
-    "odd", [np.zeros((3, 8))[:, ::2], np.zeros((3, 4), np.float32), np.zeros(12), np.asfortranarray(np.zeros((3, 4)))]
-)
-def test_an_array_of_another_layout_is_refused(odd: Any) -> None:
-    """A stride, another type, another number of axes: TypeError, and nothing is read."""
+def _gathering() -> tuple[Kernel, Held]:
     held = Held(
         np.zeros(0, bool), np.zeros(0, np.int8), np.zeros(0, np.int32), np.zeros(0, np.int64), Pair(0, 0.0),
-        np.zeros((2, 3, 4)), (0.0, 0.0), False,
+        np.arange(24.0).reshape(2, 3, 4), (0.3, 0.2), False,
     )  # fmt: skip
     example = (held, None, 0.0, np.zeros((3, 4)))
-    compiled = Kernel(gather, [sys.modules[__name__]], lambda: example, result=Pair(0, 0.0))
+    return Kernel(gather, [sys.modules[__name__]], lambda: example, result=Pair(0, 0.0)), held
+
+
+@pytest.mark.parametrize("odd", [np.zeros((3, 4), np.float32), np.zeros(12)])
+def test_an_array_of_another_kind_is_refused(odd: Any) -> None:
+    """Another type, another number of axes: TypeError, and nothing is read."""
+    compiled, held = _gathering()
     with pytest.raises(TypeError, match="where C reads float64"):
         compiled(held, None, 0.5, odd)
+
+
+@pytest.mark.parametrize("scattered", [np.zeros((3, 8))[:, ::2], np.asfortranarray(np.zeros((3, 4)))])
+def test_what_is_scattered_in_memory_is_read_and_written(scattered: Any) -> None:
+    """Every second column, or columns first, within a tuple or not: the numbers are those of arrays in order."""
+    compiled, held = _gathering()
+    expected = np.zeros((3, 4))
+    assert compiled(held, None, 0.5, expected) == compiled(held, None, 0.5, scattered)
+    assert np.array_equal(scattered, expected)
+    turned = held._replace(stack=np.asfortranarray(held.stack))
+    found = np.zeros((3, 4))
+    assert compiled(turned, None, 0.5, found) == compiled(held, None, 0.5, expected)
+    assert np.array_equal(found, expected)
 
 
 def test_what_has_no_c_says_where(workplace: Path) -> None:

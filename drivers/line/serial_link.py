@@ -13,7 +13,14 @@ from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.framing import Codec, Frame
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, silent_error
-from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, let_pass, open_serial_port, read_port
+from rw_ekf.drivers.line.serial_port import (
+    PortSettings,
+    await_bytes,
+    close_serial_port,
+    let_pass,
+    open_serial_port,
+    read_port,
+)
 from rw_ekf.drivers.line.shared_port import LineEnd, OpenPort
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
@@ -204,7 +211,8 @@ class SerialLink:
     def _wait(self, register_id: int, reply_bytes: int, deadline_s: float) -> bytes | None:
         """The data of the reply, or None at the deadline."""
         reply: bytes | None = None
-        while reply is None and not self.is_refused and self._clock.monotonic() < deadline_s:
+        while reply is None and not self.is_refused and (now_s := self._clock.monotonic()) < deadline_s:
+            await_bytes(self._serial, deadline_s - now_s)
             frames: list[Frame] = []
             self._take(1, keep=frames)
             for frame in frames:
@@ -218,10 +226,8 @@ class SerialLink:
 
     def _take(self, at_least: int, keep: list[Frame] | None = None) -> bytes:
         """Read what is there, waiting one poll for it; frames go to `keep`, or without it count as stale."""
-        chunk = read_port(self._serial, at_least, self.settings.exclusive)
-        if chunk and keep is not None:
-            more = min(self._serial.in_waiting, DRAIN_LIMIT_BYTES)
-            chunk += read_port(self._serial, more, self.settings.exclusive)
+        more = 0 if keep is None else min(self._serial.in_waiting, DRAIN_LIMIT_BYTES)
+        chunk = read_port(self._serial, max(at_least, more), self.settings.exclusive)
         if not chunk:
             return chunk
         self._came_s = self._clock.monotonic()

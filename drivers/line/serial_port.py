@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 from typing import Any, NamedTuple
 
 import serial
@@ -91,6 +92,15 @@ def let_pass(opened: Any, clock: Clock) -> None:
         if came:
             heard_s = now_s
             opened.reset_input_buffer()
+
+
+def await_bytes(opened: Any, seconds: float) -> None:
+    """Wait until bytes have come, at most so long, where a port is one that can be waited for; a read of others polls.
+
+    A look every 2 ms was most of what a turn of the daemon cost, where nothing else keeps a processor awake.
+    """
+    if isinstance(opened, serial.Serial) and fcntl is not None and seconds > 0.0:
+        select.select([opened.fileno()], [], [], seconds)
 
 
 def read_port(opened: Any, size: int, exclusive: bool) -> bytes:

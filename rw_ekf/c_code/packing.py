@@ -16,10 +16,26 @@ _SIGNS = {bool: "?", int: "i", float: "d"}
 _ALIGNED = "0q"  # a structure begins, and ends, where its widest member may stand
 
 
+class ScatteredError(TypeError):
+    """An array whose elements do not lie one behind the other, in the order that C has."""
+
+
+def in_order(value: Any, copies: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]]) -> Any:
+    """The same with copies of what is scattered; each array that was copied, with its copy, goes on a list."""
+    if isinstance(value, np.ndarray) and not value.flags.c_contiguous:
+        copies.append((value, np.ascontiguousarray(value)))
+        return copies[-1][1]
+    if not isinstance(value, tuple):
+        return value
+    parts = [in_order(part, copies) for part in value]
+    return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+
+
 class Layout:
     """Of the arguments of one function, packed one behind the other; those that are None in the example are left out.
 
-    Raises TypeError, as it packs, for an array of another kind or in no order that C knows.
+    Raises TypeError, as it packs, for an array of another kind, and ScatteredError for one whose elements do not lie one
+    behind the other.
     """
 
     def __init__(self, example: Sequence[Any], *, sizes_known: bool = False) -> None:
@@ -105,12 +121,14 @@ class _Row:
     def __call__(self, array: np.ndarray[Any, Any]) -> tuple[int, ...]:
         last, words = self._last
         if last() is not array:
-            is_odd = array.dtype.char != self._kind or array.ndim != self._axes or not array.flags.c_contiguous
+            is_odd = array.dtype.char != self._kind or array.ndim != self._axes
             if is_odd or (self._shape and array.shape != self._shape):
                 raise TypeError(
-                    f"an array of {array.dtype} {array.shape} with strides {array.strides} where C reads "
-                    f"{np.dtype(self._kind)} {self._shape or f'with {self._axes} axes'}, one element behind the other"
+                    f"an array of {array.dtype} {array.shape} where C reads {np.dtype(self._kind)} "
+                    f"{self._shape or f'with {self._axes} axes'}"
                 )
+            if not array.flags.c_contiguous:
+                raise ScatteredError(f"an array {array.shape} with strides {array.strides}")
             words = (array.__array_interface__["data"][0], *(() if self._shape else array.shape))
             self._last = weakref.ref(array), words
         return words

@@ -22,6 +22,7 @@ _WIDEST = 0.3  # of the top speed: a wider one is drag of another kind
 _WIDTHS = tuple(0.24 * 0.5**halved for halved in range(8))  # of the top speed
 _NARROW = 0.03  # of the top speed: what is narrower is sought at low speeds, up to so many widths
 _NARROW_PLACES = 12
+_NOTHING_LEFT = 300.0  # of an exponent: with less than 1e-308 a processor takes thirty times as long
 _READINGS = 3.0  # across a bump at the fastest change of speed
 
 
@@ -87,7 +88,7 @@ class DragBump(StaticEffect):
         if forward == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         offset = (abs(at.omega) - q[0]) / q[1]
-        size = a * math.exp(-min(offset * offset, 700.0))
+        size = a * math.exp(-min(offset * offset, _NOTHING_LEFT))
         steepness = -2.0 * offset / q[1] * size
         return 0.0, at.omega * steepness - math.copysign(size, forward), steepness, 0.0, 0.0, 0.0
 

@@ -14,6 +14,7 @@ from rw_ekf.model.moment import Moment
 _DECAYS_S = (10.0, 60.0, 300.0, 3600.0)
 _LEAST_SAMPLES = 10.0
 _MOST_ONSETS, _LEAST_ONSETS = 300, 30
+_NOTHING_LEFT = 300.0  # of an exponent: with less than 1e-308 a processor takes thirty times as long
 
 
 class DragSpike(StaticEffect):
@@ -104,7 +105,7 @@ class DragSpike(StaticEffect):
         if at.duration <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, a * math.exp(-passed / q[1])
         inside = min(passed, at.duration)
-        mean = phi_1(inside / q[1]) * inside / at.duration * math.exp(-(passed - inside) / q[1])
+        mean = phi_1(inside / q[1]) * inside / at.duration * math.exp(-min((passed - inside) / q[1], _NOTHING_LEFT))
         return 0.0, 0.0, 0.0, 0.0, 0.0, a * mean
 
     @staticmethod
