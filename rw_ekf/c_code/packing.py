@@ -34,8 +34,8 @@ def in_order(value: Any, copies: list[tuple[np.ndarray[Any, Any], np.ndarray[Any
 class Layout:
     """Of the arguments of one function, packed one behind the other; those that are None in the example are left out.
 
-    Raises TypeError, as it packs, for an array of another kind, and ScatteredError for one whose elements do not lie one
-    behind the other.
+    Raises TypeError, as it packs, for an array of another kind, and ScatteredError for one whose elements do not lie
+    one behind the other.
     """
 
     def __init__(self, example: Sequence[Any], *, sizes_known: bool = False) -> None:
