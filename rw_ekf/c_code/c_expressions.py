@@ -43,8 +43,11 @@ _BINARY: dict[type[ast.operator], tuple[str, int, Callable[[Any, Any], Any]]] = 
     ast.Sub: ("-", SUM, operator.sub),
     ast.Mult: ("*", PRODUCT, operator.mul),
     ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.Mod: ("%", PRODUCT, operator.mod),  # as C has it: of whole numbers that are not negative, as the next
-    ast.FloorDiv: ("/", PRODUCT, operator.floordiv),
+}
+_CALLED: dict[type[ast.operator], tuple[str, Callable[[Any, Any], Any]]] = {
+    ast.Mod: ("rw_mod", operator.mod),
+    ast.FloorDiv: ("rw_floor_div", operator.floordiv),
+    ast.Pow: ("pow", operator.pow),
 }
 _COMPARED: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Lt: ("<", operator.lt),
@@ -55,7 +58,11 @@ _COMPARED: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.NotEq: ("!=", operator.ne),
 }
 _MATHS = frozenset(
-    re.findall(r"\w+", "exp expm1 log log1p sqrt sin cos tan asin acos atan atan2 sinh cosh tanh floor copysign hypot")
+    re.findall(
+        r"\w+",
+        "exp exp2 expm1 log log1p log2 log10 sqrt cbrt pow sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh "
+        "atanh erf erfc floor ceil trunc fabs fmod copysign hypot",
+    )
 )
 _ASKED = frozenset({"isnan", "isinf", "isfinite"})
 _RESERVED = _MATHS | frozenset(
@@ -63,7 +70,7 @@ _RESERVED = _MATHS | frozenset(
         r"\w+",
         "auto break case char const continue default do double else enum extern float for goto if inline int long "
         "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
-        "bool true false j0 j1 jn y0 y1 yn gamma fabs pow ceil round log2 log10",
+        "bool true false j0 j1 jn y0 y1 yn gamma round",
     )
 )
 
@@ -79,6 +86,17 @@ def member_code(base: Value, name: str) -> str:
     if base.code.startswith("&"):
         return f"{base.code[1:]}.{name}"
     return f"{base.within(UNARY)}{'->' if base.by_address else '.'}{name}"
+
+
+def _reckoned(reckon: Callable[[Any, Any], Any], left: Value, right: Value) -> float | None:
+    """An operation on what is known; None where something is not, or where Python has no number for it."""
+    if not (left.is_known and right.is_known):
+        return None
+    try:
+        found = reckon(left.known, right.known)
+    except ArithmeticError:
+        return None
+    return found if isinstance(found, int | float) else None
 
 
 class Scope:
@@ -187,21 +205,36 @@ class Scope:
         return Value(code, self.program.viewed(row))
 
     def _binop(self, node: ast.BinOp) -> Value:
+        if type(node.op) in _CALLED:
+            return self._by_function(node, *_CALLED[type(node.op)])
         if type(node.op) not in _BINARY:
             raise self.fail(node, "is an operation that is not printed")
         sign, binds, reckon = _BINARY[type(node.op)]
         left, right = self.value(node.left), self.value(node.right)
-        known = reckon(left.known, right.known) if left.is_known and right.is_known else None
+        known = _reckoned(reckon, left, right)
         of = wider(left.type, right.type)
         if isinstance(node.op, ast.Div):
             of = wider(of, REAL)
         elif of == BOOL:
             of = INT
         if known is not None and of == INT:
-            return self._int(known)
+            return self._int(int(known))
         left, right = self.program.convert(left, of), self.program.convert(right, of)
         code = f"{left.within(binds - 1)} {sign} {right.within(binds)}"
         return Value(code, of, binds) if known is None else Value(code, of, binds, known)
+
+    def _by_function(self, node: ast.BinOp, name: str, reckon: Callable[[Any, Any], Any]) -> Value:
+        """An operation that C has no sign for, or another meaning of it."""
+        left, right = self.value(node.left), self.value(node.right)
+        of = REAL if name == "pow" else wider(left.type, right.type)
+        known = _reckoned(reckon, left, right)
+        if known is not None:
+            assert isinstance(of, Scalar)
+            return self.program.number(known, of)
+        parts = [self.program.convert(part, of) for part in (left, right)]
+        if name == "pow":
+            return Value(f"pow{'f' if self.program.single else ''}({parts[0].code}, {parts[1].code})", REAL)
+        return self.program.builtin(name, parts, of)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         value = self.value(node.operand)

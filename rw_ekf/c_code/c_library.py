@@ -24,8 +24,10 @@ from pathlib import Path
 ENTRY = "rw_run"
 COMPILER_VARIABLE = "RW_EKF_CC"  # a compiler's command; "none": there is none, and all runs as plain Python
 FOLDER_VARIABLE = "RW_EKF_CACHE_DIR"
-# IEEE arithmetic as Python has it: nothing is fused or reordered; what `math` raises is NaN or infinite here.
-FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-w")
+# IEEE arithmetic as Python has it: nothing is fused or reordered, no power becomes a product; what `math` raises is NaN
+# or infinite here.
+_ARITHMETIC = ("-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math")
+FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-w", *_ARITHMETIC)
 _COMPILERS = ("cc", "gcc", "clang")
 _SEAL_BYTES = hashlib.sha256().digest_size
 

@@ -34,6 +34,27 @@ from rw_ekf.c_code.python_source import comment_of_constant, comments_of_members
 _BUILTINS = {
     "rw_min": "static {t} {name}({t} a, {t} b)\n{{\n    return (b < a) ? b : a;\n}}\n",
     "rw_max": "static {t} {name}({t} a, {t} b)\n{{\n    return (b > a) ? b : a;\n}}\n",
+    "rw_mod": (
+        "/* With the sign of b, as Python has it. */\n"
+        "static {t} {name}({t} a, {t} b)\n{{\n    const {t} rest = fmod{f}(a, b);\n"
+        "    if (rest == 0) {{\n        return copysign{f}(rest, b);\n    }}\n"
+        "    return ((rest < 0) != (b < 0)) ? rest + b : rest;\n}}\n"
+    ),
+    "rw_floor_div": (
+        "/* Towards minus infinity, as Python has it. */\n"
+        "static {t} {name}({t} a, {t} b)\n{{\n    const {t} rest = fmod{f}(a, b);\n"
+        "    const {t} whole = ((a - rest) / b) - (((rest != 0) && ((rest < 0) != (b < 0))) ? 1 : 0);\n"
+        "    return (whole == 0) ? copysign{f}(0, a / b) : floor{f}(whole + 0.5{f});\n}}\n"
+    ),
+    # By 0, where Python raises: 0, for a processor stops the program.
+    "rw_mod_int": (
+        "static int {name}(int a, int b)\n{{\n    const int rest = (b == 0) ? 0 : a % b;\n"
+        "    return ((rest != 0) && ((rest < 0) != (b < 0))) ? rest + b : rest;\n}}\n"
+    ),
+    "rw_floor_div_int": (
+        "static int {name}(int a, int b)\n{{\n    const int whole = (b == 0) ? 0 : a / b;\n"
+        "    return ((whole * b != a) && ((a < 0) != (b < 0))) ? whole - 1 : whole;\n}}\n"
+    ),
     "rw_to_int": (
         "/* Towards zero; 0 where the number is none, or is beyond any index. */\n"
         "static int {name}({of} a)\n{{\n    return ((a > ({of})-1.0e6) && (a < ({of})1.0e6)) ? (int)a : 0;\n}}\n"
@@ -242,7 +263,8 @@ class Names:
         label = name if REAL in (of, first) else f"{name}_{first.name if name == 'rw_to_int' else of.name}"
         if not self.single and label.endswith("_clock"):
             label = name
-        self.builtins[label] = _BUILTINS[name].format(t=of.c, of=first.c, name=label)
+        template = _BUILTINS.get(label, _BUILTINS[name])
+        self.builtins[label] = template.format(t=of.c, of=first.c, name=label, f="f" if self.single else "")
         return Value(f"{label}({', '.join(part.code for part in parts)})", of)
 
 

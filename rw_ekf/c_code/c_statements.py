@@ -3,20 +3,10 @@
 from __future__ import annotations
 
 import ast
-from typing import TYPE_CHECKING
 
 from rw_ekf.c_code.c_expressions import c_name
-from rw_ekf.c_code.c_types import (
-    INT,
-    UNARY,
-    Value,
-    wider,
-)
-
-if TYPE_CHECKING:
-    pass
-
-from rw_ekf.c_code.c_stores import Stores
+from rw_ekf.c_code.c_stores import Stores, assigned_names
+from rw_ekf.c_code.c_types import INT, UNARY, Value, wider
 
 _ENDS = (ast.Return, ast.Break, ast.Continue)
 
@@ -127,6 +117,9 @@ class Body(Stores):
         call, name = node.iter, node.target
         if not (isinstance(call, ast.Call) and isinstance(name, ast.Name) and ast.unparse(call.func) == "range"):
             raise self.scope.fail(node.iter, "is no range to loop over")
+        ends = {part.id for part in ast.walk(call) if isinstance(part, ast.Name)}
+        if ends & {other for part in node.body for other in assigned_names(part)}:
+            raise self.scope.fail(node.iter, "would end elsewhere in C, for its loop changes it")
         parts = [self.scope.value(part) for part in call.args]
         start, stop = (self.program.number(0, INT), parts[0]) if len(parts) == 1 else (parts[0], parts[1])
         step = parts[2].known if len(parts) == 3 else 1

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rw_ekf.c_code.c_program import Program
 
 
-def assigned_names(tree: ast.FunctionDef) -> Counter[str]:
+def assigned_names(tree: ast.AST) -> Counter[str]:
     """How often each local name is given a value."""
     found: Counter[str] = Counter()
     for node in ast.walk(tree):
