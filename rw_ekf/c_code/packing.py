@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 _SIGNS = {bool: "?", int: "i", float: "d"}
-_ALIGNED = "0q"  # a structure begins, and ends, where its widest member may stand
+_WIDEST_FIRST = "dPi?"
 
 
 class ScatteredError(TypeError):
@@ -40,12 +40,9 @@ class Layout:
 
     def __init__(self, example: Sequence[Any], *, sizes_known: bool = False) -> None:
         """sizes_known: see `c_kernel.kernel_text`."""
-        signs, places = "@", []
         rows: list[_Row] = []
-        for i, value in enumerate(example):
-            signs += _format_of(value, sizes_known)
-            places += _places_of(value, f"given[{i}]", rows, sizes_known)
-        self._struct = struct.Struct(signs + _ALIGNED)
+        places = _places_of(tuple(example), "given", rows, sizes_known)
+        self._struct = struct.Struct("@" + _format_of(tuple(example), sizes_known))
         source = f"lambda given: ({''.join(f'{place}, ' for place in places)})"
         self._words: Callable[[Sequence[Any]], tuple[Any, ...]] = eval(source, {"rows": rows})
 
@@ -85,12 +82,15 @@ def _is_sized(array: np.ndarray[Any, Any], sizes_known: bool) -> bool:
 
 
 def _format_of(value: Any, sizes_known: bool) -> str:
+    """The signs of `struct`; what is a structure in C begins, and ends, where its widest member may stand."""
     if value is None:
         return ""
     if isinstance(value, np.ndarray):
-        return _ALIGNED + "P" + ("" if _is_sized(value, sizes_known) else "l" * value.ndim)
+        return "P" if _is_sized(value, sizes_known) else "0P" + "P" + "l" * value.ndim + "0P"
     if isinstance(value, tuple):
-        return _ALIGNED + "".join(_format_of(part, sizes_known) for part in value) + _ALIGNED
+        signs = "".join(_format_of(part, sizes_known) for part in value)
+        aligned = f"0{next(sign for sign in _WIDEST_FIRST if sign in signs)}"
+        return aligned + signs + aligned
     return _SIGNS[type(value)]
 
 
