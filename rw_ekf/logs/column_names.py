@@ -154,7 +154,8 @@ def _is_degree(name: str, letter: str) -> bool:
     """Whether a letter behind a name is a temperature's unit: T_C, t_case_C, Tcase_K, temp_F; not T_F of a friction."""
     words = set(_words(name))
     of_t = ("t" in words and (letter != "F" or len(words) > 1)) or re.search(r"(?<![A-Za-z])T[a-z]{2,}$", name)
-    return letter in {"C", "K", "F"} and bool(of_t or words & WORDS["temperature"])
+    spelt = bool(words & WORDS["temperature"])
+    return (letter in {"C", "K", "F"} and bool(of_t or spelt)) or (letter == "c" and spelt)
 
 
 def _words(text: str) -> list[str]:

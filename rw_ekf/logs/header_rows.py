@@ -11,7 +11,8 @@ from rw_ekf.logs.channel_blocks import channels_above
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
-from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, split_cells, without_trailing
+from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, is_stamp, split_cells, without_trailing
+from rw_ekf.logs.text_forms import RECEIVED
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
@@ -49,8 +50,10 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
         units = tuple(cells)
         taken -= 1
     if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
-        names = tuple(cells)
+        names = (RECEIVED if is_stamp(cells[0]) else cells[0], *cells[1:])  # a terminal stamps the names too
         taken -= 1
+    if 0 < len(names) < len(units):  # a prompt or a title: the names are units themselves
+        names, units, taken = units, (), taken + 1
     if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
         names, units = described["names"], described.get("units", units)
     if units and not names:

@@ -12,13 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.foreign.groups import held_at
 from rw_ekf.logs.interleaved import has_speed
-from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.raw_table import RawTable, taken
 from rw_ekf.logs.time_text import DAY_S
 
+_TOGETHER = 0.5  # of the values of a column stand in rows of the speed where it was sampled with it
+_LEAST_VALUES = 10  # of a slow channel
+_UNEVEN = 5.0  # times the usual gap between its values, at most
+_DRIVES = ("current", "current_set", "torque", "force", "voltage")
+_SLOW = ("temperature", "pressure", "bus_voltage")
 _FALLS = 0.01  # of the rows, at most, where columns together are a time
 _SECONDS = re.compile(r"(.*?)(sec(s|onds?)?|tv_sec|s)", re.IGNORECASE)
 _PARTS = {
@@ -96,6 +101,46 @@ def beside_each_other(table: RawTable) -> RawTable | None:
     if all(names == named[0] for names in named):
         return _stacked(table, blocks)
     return _on_one_clock(table, blocks, times)
+
+
+def in_turn(table: RawTable) -> RawTable | None:
+    """A table with what stands at other times than the speed held beside it; None for any other.
+
+    Rows have now the speed and now what drives where topics of different times stand in one table (PlotJuggler, an
+    outer join): those of the speed are taken. A slow channel, as a temperature, may have a value in a row of many.
+    """
+    role = {number: role_of(said_by(name)) for number, name in enumerate(table.names) if name}
+    clocks = [table.numbers(number, stamps=True) for number in role if role[number] == "time"]
+    time = next((time for time in clocks if np.isfinite(time).all() and _rises(time)), None)
+    values = {number: table.numbers(number) for number in role if role[number] != "time"}
+    known = {number: each for number, held in values.items() if (each := np.isfinite(held)).any()}
+    speed = max((n for n in known if role[n] == "speed"), key=lambda n: int(known[n].sum()), default=None)
+    if time is None or speed is None:
+        return None
+    base = known[speed]
+    held = {number for number, each in known.items() if np.mean(base[each]) < _TOGETHER}
+    between = {number for number, each in known.items() if role[number] in _DRIVES and not base[each].all()}
+    if not between or not between <= held:
+        held, base = set(), np.ones(table.rows, dtype=np.bool_)
+    held |= {number for number, each in known.items() if role[number] in _SLOW and _is_slow(each[base])}
+    if not held:
+        return None
+    kept = np.flatnonzero(base)
+    columns = [taken(column, kept) for column in table.columns]
+    for number in held:
+        columns[number] = held_at(time[kept], time[known[number]], values[number][known[number]])
+    found = table.at_rows(kept, columns=columns)
+    names = ", ".join(f"'{table.names[number]}'" for number in sorted(held))
+    text = f"{table.path}: {names}: not at the times of '{table.names[speed]}'; the last value known was taken at each"
+    found.warnings = [*table.warnings, text]
+    return found
+
+
+def _is_slow(known: BoolArray) -> bool:
+    """Whether a channel has values in few rows (n,) but all through, one as far from the other as the next."""
+    at = np.concatenate(([-1], np.flatnonzero(known), [len(known)]))
+    gaps = np.diff(at)
+    return _LEAST_VALUES < len(at) < _TOGETHER * len(known) and float(gaps.max()) <= _UNEVEN * float(np.median(gaps))
 
 
 def _rises(time: Float64Array) -> bool:

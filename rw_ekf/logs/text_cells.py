@@ -30,7 +30,7 @@ _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
 })  # fmt: skip
 _WITH_UNIT = re.compile(
-    r"(?P<value>[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?)\s(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*(?: s\^?-1)?)"
+    r"(?P<value>[+-]?(?=[.,]*\d)[\d.,]{1,30}+(?:[eE][+-]?\d+)?)\s(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*(?: s\^?-1)?)"
 )
 _UNIT_IN_CELL = re.compile(rf"(?<![^,;\t\"])\s*{_WITH_UNIT.pattern}\s*(?![^,;\t\"])")
 _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from rw_ekf.logs.column_units import unit_of, with_unit
 
 MARK = "\t"  # between the cells of what was labelled
-_RECEIVED = "received"  # what the terminal's time is called
+RECEIVED = "received"  # what the terminal's time is called
 _MOSTLY = 0.6  # of the lines have a form where it is the file's
 _LEAST = 3  # lines
 _OFTEN = 0.5  # of the labelled lines have a label that becomes a column
@@ -71,7 +71,7 @@ class LineForm(NamedTuple):
         match = _IN_FRONT.fullmatch(line) if self.stamped else None
         if match is None:
             return line
-        first = match["stamp"] if re.match(r"\W*[\d.]", match["rest"]) else _RECEIVED
+        first = match["stamp"] if re.match(r"\W*[\d.]", match["rest"]) else RECEIVED
         return f"{first}{mark}{match['rest']}"
 
 
@@ -121,7 +121,7 @@ def _labelled(line: str) -> list[tuple[str, str, str]]:
     line = _STAMP_LABEL.sub(r"\1", _MICROSECONDS.sub(r"\1\2", line), 1)
     stamp = _ANY_STAMP.fullmatch(line)
     if stamp is not None:
-        found.append((_RECEIVED, stamp["stamp"], ""))
+        found.append((RECEIVED, stamp["stamp"], ""))
         line = stamp["rest"]
     counted = _COUNTED.fullmatch(line)
     if counted is not None:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.header_rows import with_names
-from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units
+from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_number, is_stamp
 from rw_ekf.logs.text_forms import MARK, labelled_form, stamped_form
 
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
@@ -101,7 +101,8 @@ def layout_of(
             if layout.width:
                 found.append((score, replace(layout, first_line=begins + 1), begins, count))
     labelled, rows, first = labelled_form(lines[skip_rows:_LOOKED_AT])
-    if rows > max((count - (score <= 0.0) for score, *_, count in found), default=0):
+    # What has more words than numbers is no table but sentences that a mark happens to cut alike.
+    if rows > max((count if score > 0.0 else count // 2 for score, *_, count in found), default=0):
         layout = TextLayout(known, MARK, form=labelled, names=labelled.names, width=len(labelled.names))
         before = tuple(line for line in lines[: skip_rows + first] if line.strip())
         return replace(layout, first_line=skip_rows + first + 1, preamble=before)
@@ -128,11 +129,12 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
         cells = layout.filled(line) if index >= skip_rows else []
         begun.append(bool(cells) and (not cells[0] or layout.is_value(cells[0])))
         is_data = layout.is_data(cells)
-        wordy.append(len(cells) if begun[-1] and cells[0] and not is_data else 0)
+        a_row = begun[-1] and not is_data and any(is_number(cell, layout.decimal) for cell in cells)
+        wordy.append(len(cells) if a_row and cells[0] else 0)
         widths.append(len(cells) if is_data else 0)
         if not is_data:
             continue
-        numbers += sum(1 if layout.is_value(cell) else -2 for cell in cells if cell)
+        numbers += sum(1 if layout.is_value(cell) else -2 for cell in cells if cell) - _stamps_cut(cells, layout)
     counted = Counter(width for width in widths if width > 1)
     if not counted:
         return 0, layout, 0.0, 0
@@ -156,6 +158,12 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
         numbers * lines_of_it / max(sum(value > 0 for value in widths), 1),
         lines_of_it,
     )
+
+
+def _stamps_cut(cells: list[str], layout: TextLayout) -> int:
+    """How many dates of a row were cut from their time of day by a blank, which makes no number more."""
+    pairs = itertools.pairwise(cells) if layout.delimiter == BLANKS else ()
+    return sum(is_stamp(f"{day} {time}") and is_stamp(day) and is_stamp(time) for day, time in pairs)
 
 
 def _with_units(rows: list[str], layout: TextLayout) -> TextLayout:

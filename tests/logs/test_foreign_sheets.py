@@ -12,6 +12,7 @@ import openpyxl
 import pytest
 
 import rw_ekf
+from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.reader import read_log, read_table
 from tests.foreign_logs import (
@@ -118,6 +119,18 @@ def test_dates_and_times_of_day_are_seconds(tmp_path: Path) -> None:
         sheet.cell(row=row + 2, column=1).number_format = "h:mm:ss"
     book.save(tmp_path / "b.xlsx")
     assert np.allclose(read_with(tmp_path / "b.xlsx", *MAP).time_s, [86390, 86395, 86400, 86405])
+
+
+def test_the_form_of_a_date_is_no_unit_of_it(tmp_path: Path) -> None:
+    """`hh:mm:ss.000` below the name of dates says how they are shown: nothing is asked; of plain numbers it is."""
+    noon = datetime.datetime(2024, 5, 1, 12, 0, 0)
+    head: list[list[Any]] = [["Time", "Speed", "Current"], ["hh:mm:ss.000", "rpm", "mA"]]
+    rows = [[0.1 * row, 100.0 * math.sin(0.1 * row), 300.0 * math.cos(0.1 * row)] for row in range(60)]
+    stamped = [[noon + datetime.timedelta(seconds=t), speed, current] for t, speed, current in rows]
+    log = rw_ekf.read(save(tmp_path / "a.xlsx", {"a": [*head, *stamped]}))
+    assert np.allclose(log.time_s - log.time_s[0], 0.1 * np.arange(60.0))
+    with pytest.raises(LogError, match="what does 'hh:mm:ss"):
+        rw_ekf.read(save(tmp_path / "b.xlsx", {"a": [*head, *rows]}))
 
 
 def test_a_sheet_without_names_goes_by_number(tmp_path: Path) -> None:

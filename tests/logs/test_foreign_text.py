@@ -410,6 +410,22 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         "COPY public.log (ts, rpm, motor_ma) FROM stdin;",
         lambda i, t, w, c: f"{_at(t):%Y-%m-%d %H:%M:%S.%f}+00\t{w * RPM!r}\t{c * MA!r}",
     ).encode() + b"\\.\n",
+    "a prompt above names that are units": lambda r: _table(
+        r, "RW bench, firmware 1.4\ntype 's' to start\n> s\nms,rpm,mA", lambda i, t, w, c:
+        f"{round(1e3 * t)},{w * RPM!r},{c * MA!r}",
+    ).encode(),
+    "a terminal's stamp before each line, that of the names too": lambda r: _table(
+        r, f"{_at(0.0):%Y-%m-%d %H:%M:%S.%f}\tmillis\tspeed (rad/s)\tcurrent (A)",
+        lambda i, t, w, c: f"{_at(t + 0.2):%Y-%m-%d %H:%M:%S.%f}\t{812 + 1e3 * t:.0f}\t{w!r}\t{c!r}",
+    ).encode(),
+    "sentences of a logger, whose stamps have a comma": lambda r: _table(
+        r, "2026-03-29 23:59:49,900 DEBUG bench: port /dev/ttyUSB0 opened", lambda i, t, w, c:
+        f"{_at(t):%Y-%m-%d %H:%M:%S,%f}"[:-3] + f" INFO bench.loop: omega={w:.9f} rad/s i_meas={c:.12f} A T=23.4 degC",
+    ).encode(),
+    "topics of other times in one table": lambda r: _table(
+        r, "__time,/wheel/speed_rpm,/cmd/current_A,/case/degC",
+        lambda i, t, w, c: f"{t!r},{w * RPM!r},,\n{t + 0.0011!r},,{c!r},\n{t + 0.03!r},,,{20.0 + i!r}",
+    ).encode(),
 }  # fmt: skip
 
 
@@ -436,6 +452,24 @@ def test_the_map_that_columns_writes_reads_the_same(tmp_path: Path, run: rw_ekf.
     assert np.array_equal(guessed.time_s, mapped.time_s)
     assert np.array_equal(guessed.speed_rad_s, mapped.speed_rad_s)
     assert np.array_equal(guessed.current_A, mapped.current_A)
+
+
+def test_a_slow_channel_is_held_where_it_has_values_all_through(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A temperature in a row of eight goes on from row to row; one whose sensor ended early is left as it stands."""
+    for name, most in (("slow", len(run)), ("ended", len(run) // 4)):
+        warmth = [f"{20 + i}" if i % 8 == 0 and i < most else "" for i in range(len(run))]
+        lines = (f"{t!r},{w * RPM!r},{c!r},{warmth[i]}\n" for i, (t, w, c) in enumerate(_rows(run)))
+        (tmp_path / f"{name}.csv").write_text("t_s,wheel_rpm,current_A,case_temp_c\n" + "".join(lines))
+    held = rw_ekf.read(tmp_path / "slow.csv").channels["temperature_degC"]
+    assert np.array_equal(held, 20.0 + 8 * (np.arange(len(run)) // 8))
+    assert "temperature_degC" not in rw_ekf.read(tmp_path / "ended.csv").channels
+
+
+def test_a_line_of_thousands_of_cells_takes_no_longer_than_its_length(tmp_path: Path) -> None:
+    """A table that lies on its side, a row a channel, is asked about at once; it took minutes."""
+    path = tmp_path / "lies.csv"
+    path.write_text("".join(f"{name},{','.join(['0.125'] * 4000)}\n" for name in ("time_s", "n_rpm", "i_A")))
+    assert "no column is known to be the time" in rw_ekf.guess_columns(path).text()
 
 
 def test_thousands_are_marked_late_in_a_file(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote bef
 _ZIP = b"PK\x03\x04"
 _FIRST_IN_ZIP = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetypeapplication/vnd.oasis")
 _EPOCH, _DAY_0 = datetime.datetime(1970, 1, 1), datetime.datetime(1899, 12, 31)
+_STAMPS = (datetime.date, datetime.time, datetime.timedelta)
+_FORM = re.compile(r"\s*[\[(]?\b[ymdhs]{1,4}(?:[-/.:, T]+[ymdhs0f]{1,4})+[\])]?$", re.IGNORECASE)  # hh:mm:ss.000
 _HEADER_WITHIN = 200  # rows
 _SAID = 100  # rows of a sheet without a table
 _BELOW = 3  # rows under a header that are looked at
@@ -89,7 +92,9 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     above = [] if columns.csv.header is False else [_as_text(row, width) for _, row in rows[:first]]
     skipped = sum(1 for number, _ in rows[:first] if number <= columns.csv.skip_rows)
     layout = with_names(above, [], TextLayout(delimiter=CELL, width=width), skipped)
+    stamped = {column for _, row in data for column, cell in enumerate(row) if isinstance(cell, _STAMPS)}
     names = layout.names or ("",) * width
+    names = tuple(_FORM.sub("", name) if column in stamped else name for column, name in enumerate(names))
     filled = [column for column in range(width) if names[column] or any(_cell(row, column) != "" for _, row in data)]
     numbers = np.array([number for number, _ in data])
     held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
