@@ -63,6 +63,9 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
     left = [column for column in left if column is not speed]
     find_drive(left, speed, told, guess)
     _find_further(left, speed, told, guess)
+    taken = [line.entry.get("column") for line in guess.lines]
+    for column in (each for each in columns if each.turn is not None and each.key in taken):
+        guess.notes.append(f"{column.shown}: what lies just below {column.turn:g} is negative, and read as unsigned")
     told.add_unasked(guess)
     ask_what_is_open(table, columns, told, guess)
     return guess

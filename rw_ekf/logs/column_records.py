@@ -12,7 +12,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
 from rw_ekf.logs.column_units import habitual_unit
 from rw_ekf.logs.column_words import WORDS
-from rw_ekf.logs.odd_columns import mark_of_missing
+from rw_ekf.logs.odd_columns import mark_of_missing, unsigned_turn
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -25,6 +25,7 @@ _CONVERTED = re.compile(r"\s*\([UF]\)")  # with units, formatted
 _SYMBOL = 2  # letters: ia, iu
 _TAIL = re.compile(r"\s*[(\[].*")
 _DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s))(?P<text>[^\W\d].*)")
+_SIGNED: tuple[Role, ...] = ("speed", "speed_set", "current", "current_set")
 _COUNTING: tuple[Role, ...] = ("time", "count", "segment", "direction", "other")  # has no reading to miss
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
@@ -93,6 +94,7 @@ class Column:
     remark: str = ""  # what the file says of it in prose
     by_habit: bool = False  # whether its unit is what the program that wrote it publishes for such a name
     missing: float | None = None  # the number that stood for NaN among `values`
+    turn: float | None = None  # after which they begin anew, where negative numbers were written as unsigned
     factor: float = 1.0  # by which its numbers were multiplied here, as the file says of them
     bare_name: str = ""  # its name without what only says that its numbers are converted
 
@@ -162,6 +164,7 @@ class Column:
             "column": self.key,
             **({"unit": unit} if unit else {}),
             **({} if self.missing is None else {"missing": self.missing}),
+            **({} if self.turn is None else {"wrap": self.turn}),
             **{k: v for k, v in more.items() if v is not None},
         }
 
@@ -184,10 +187,13 @@ def columns_of(table: RawTable) -> list[Column]:
         by_habit = said_by(name).unit is None and not units.get(name) and bool(habit)
         mark = mark_of_missing(values) if role not in _COUNTING else None
         values = values if mark is None else np.where(values == mark, np.nan, values)
+        unsigned = unsigned_turn(values) if role in _SIGNED else None
+        turn = None if unsigned is None else unsigned[0]
+        values = values if turn is None else np.where(values > 0.5 * turn, values - turn, values)
         factor, more = _factor_of(table.factors.get(name, ("", "")), values, role)
         remark = "; ".join(filter(None, (remark, more)))
         bare = spoken(name) if spoken(name) != name else ""
-        found.append(Column(number, name, said, role, factor * values, key, remark, by_habit, mark, factor, bare))
+        found.append(Column(number, name, said, role, factor * values, key, remark, by_habit, mark, turn, factor, bare))
     return _without_raw(found)
 
 

@@ -28,6 +28,11 @@ _THOUSAND = (900.0, 1100.0)  # between rows, in whole numbers: ms at 1 Hz or us 
 _HERTZ = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([kM]?)Hz"
 _COUNTER_WORDS = r"(?:tick|clock|timer|counter|counts|interrupt|cycle|takt|zaehler|zähler)"
 _TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE)
+_TICK = re.compile(
+    rf"{_COUNTER_WORDS}s?\W*(?:period|length|resolution|dauer|step)?\s*(?:=|:|is|of)\s*"
+    r"(\d*[.,]?\d+(?:e[+-]?\d+)?)\s*([nuµm]?)s\b",
+    re.IGNORECASE,
+)
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _STEP_NUMBER = r"\d*\.?\d+(?:e[+-]?\d+)?"
@@ -183,6 +188,10 @@ def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
             rate = float(match[1].replace(",", ".")) * {"": 1.0, "k": 1e3, "m": 1e6}[match[2].lower()]
             if rate > 0.0:
                 return rate, match[0].strip()
+        match = _TICK.search(text)
+        if match is not None and (length := float(match[1].replace(",", "."))) > 0.0:
+            per_second = {"": 1.0, "m": 1e3, "u": 1e6, "µ": 1e6, "n": 1e9}[match[2].lower()]
+            return per_second / length, match[0].strip()
     return None
 
 

@@ -204,4 +204,6 @@ def _distinct() -> list[Unit]:
     return list({id(unit): unit for unit in _SPELLINGS.values()}.values())
 
 
-_PLAIN = str.maketrans({"⁻": "-", "−": "-", "¹": "1", "²": "2", "µ": "u", "μ": "u", "º": "°", "ω": "w", "∙": ""})
+_PLAIN = str.maketrans(
+    {"⁻": "-", "−": "-", "¹": "1", "²": "2", "µ": "u", "μ": "u", "º": "°", "ω": "w", "∙": "", "℃": "°c", "℉": "°f"}
+)

@@ -30,6 +30,7 @@ _ROWS_AT_ONCE, _MOST_BLOCK_BYTES = 20_000, 1 << 21
 _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
 _LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
 _LOOKED_AT_ROWS = 40
+_LEAST_ROWS = 3
 _SHOWN = 60  # characters of a line that is quoted
 _SOME_WORDS = re.compile(rb"[A-Za-z]{3,}[^A-Za-z]+[A-Za-z]{3,}")
 _LAST_BYTES = 400  # of a text, in which a line of words may stand below the rows
@@ -76,7 +77,12 @@ def read_csv_table(
     """
     found = _other_layout(text, layout, must_be_numeric)
     if found is None:
-        return _read_plain(text, layout, must_be_numeric, name_shown)
+        read = _read_plain(text, layout, must_be_numeric, name_shown)
+        if not _begins_with_numbers(read):
+            return read
+        found = _layout_of(text, layout)
+        if found is None:
+            return read
     with text.open() as stream:
         written = rewritten(stream.read(), found)
     above = bool(found.names) and found.first_line > 1  # names have a line of their own, as a rule
@@ -102,10 +108,25 @@ def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[i
         head = stream.read(_LOOKED_AT_BYTES)
     if _is_own(head, layout) or (_is_plain(head, layout, must_be_numeric) and not _names_again(text, layout)):
         return None
+    return _layout_of(text, layout)
+
+
+def _layout_of(text: LogText, layout: CsvLayout) -> TextLayout | None:
+    """How a text is laid out as its head shows; None where it is no table."""
+    with text.open() as stream:
+        head = stream.read(_LOOKED_AT_BYTES)
     found = layout_of(
         head, delimiter=layout.delimiter, decimal=layout.decimal, encoding=layout.encoding, skip_rows=layout.skip_rows
     )
     return replace(found, names=()) if found is not None and layout.header is False else found
+
+
+def _begins_with_numbers(table: RawTable) -> bool:
+    """Whether a column of words in a foreign table begins as one of numbers: what comes later is spelt otherwise."""
+    words = [number for number in range(len(table.names)) if table.is_text(number)]
+    begun = [[str(cell) for cell in table.columns[number].slice(0, _LEAST_ROWS).to_pylist()] for number in words]
+    numbers = (cells for cells in begun if all(number_or_none(cell) is not None and cell.strip() for cell in cells))
+    return any(numbers) and not ("time_s" in table.names and {"speed_rad_s", "speed_rpm"} & {*table.names})
 
 
 def _is_own(head: bytes, layout: CsvLayout) -> bool:

@@ -20,6 +20,7 @@ _ROW_KEYS = {
     "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
     "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
 }
+_UNITS = re.compile(r"[\W_]*(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\s*[:=]\s*", re.IGNORECASE)  # of all columns
 _SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scope
 _MOST_REMARKS = 3  # lines of them below the units
 _KEYED = re.compile(r"([^\W\d][\w ]*?): *(.*)")
@@ -180,6 +181,9 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
     """Rows above the data that begin with what they have of each column: its unit, its name, a remark."""
     found: dict[str, tuple[str, ...]] = {}
     for line in before:
+        told = _UNITS.match(line)
+        if told is not None and len(cells := _header_cells(line[told.end() :], layout)) == layout.width:
+            found |= {"units": tuple(cells)} if are_units(cells) else {}
         cells = layout.filled(line)
         cells = list(_keyed(cells)) or cells
         if not 1 < len(cells) <= layout.width + 1:

@@ -99,25 +99,36 @@ def mark_of_missing(values: Float64Array) -> float | None:
     return None
 
 
-def _unsigned_counter(name: str, source: Source, values: Float64Array) -> str | None:
-    """Negative numbers of 16 or 32 bits that were written as unsigned: all at the upper end, with nothing between."""
-    low, high = float(values.min()), float(values.max())
-    if low < 0.0:
+def unsigned_turn(values: Float64Array) -> tuple[float, int] | None:
+    """What a counter whose negative numbers were written as unsigned counts to, and its bits; None for any other.
+
+    Those of 16 or 32 bits all lie at the upper end of values (n,), and nothing between them and the positive ones.
+    """
+    values = values[np.isfinite(values)]
+    if values.size < 2 * _LEAST_ROWS or float(values.min()) < 0.0:
         return None
     for step in _STEPS:
         for size in _COUNTERS:
             full = size * step
-            if not _NEAR_END * full <= high < full:
+            if not _NEAR_END * full <= float(values.max()) < full:
                 continue
             part = values / full
             upper, lower = part > _EMPTY[1], part < _EMPTY[0]
             whole = np.abs(values / step - np.round(values / step)) < 1.0e-3
             if min(upper.sum(), lower.sum()) >= _LEAST_ROWS and (upper | lower).all() and whole.all():
-                return (
-                    f"{int(upper.sum())} values of {name} lie just below {full:.10g}: negative numbers of "
-                    f"{round(math.log2(size))} bits, read as unsigned: {source.line(name, wrap=full)}"
-                )
+                return full, round(math.log2(size))
     return None
+
+
+def _unsigned_counter(name: str, source: Source, values: Float64Array) -> str | None:
+    """Negative numbers of 16 or 32 bits that were written as unsigned."""
+    if (found := unsigned_turn(values)) is None:
+        return None
+    full, bits = found
+    return (
+        f"{int(np.sum(values > _EMPTY[1] * full))} values of {name} lie just below {full:.10g}: negative numbers of "
+        f"{bits} bits, read as unsigned: {source.line(name, wrap=full)}"
+    )
 
 
 def _begins_anew(name: str, source: Source, values: Float64Array) -> str | None:

@@ -34,7 +34,10 @@ _WITH_UNIT = re.compile(
 )
 _UNIT_IN_CELL = re.compile(rf"(?<![^,;\t\"])\s*{_WITH_UNIT.pattern}\s*(?![^,;\t\"])")
 _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
-_GAPS = frozenset({"n/a", "na", "null", "none", "inf", "-inf", "+inf"})
+_GAPS = frozenset({
+    "n/a", "na", "null", "none", "inf", "-inf", "+inf", "err", "error", "ovf", "ovl", "ovld", "overflow", "overrange",
+    "invalid", "timeout", "nodata", "no data",
+})  # fmt: skip
 _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an oscilloscope's reading over its range
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 _TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width

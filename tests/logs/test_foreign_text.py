@@ -422,6 +422,16 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "2026-03-29 23:59:49,900 DEBUG bench: port /dev/ttyUSB0 opened", lambda i, t, w, c:
         f"{_at(t):%Y-%m-%d %H:%M:%S,%f}"[:-3] + f" INFO bench.loop: omega={w:.9f} rad/s i_meas={c:.12f} A T=23.4 degC",
     ).encode(),
+    "the units of all columns in a line above their names": lambda r: _table(
+        r, "Bench 3\nUnits: ms, rad/s, mA\nTime;Velocity;Current", lambda i, t, w, c: f"{1e3 * t!r};{w!r};{c * MA!r}",
+    ).encode(),
+    "ticks of a length that is said": lambda r: _table(
+        r, "# 1 tick = 100 us\nticks,speed_rpm,current_mA", lambda i, t, w, c: f"{1e4 * t:.0f},{w * RPM!r},{c * MA!r}",
+    ).encode(),
+    "negative numbers as registers have them": lambda r: _table(
+        r, "time_ms,velocity_rpm,current_mA",
+        lambda i, t, w, c: f"{1e3 * t:.0f},0x{round(w * RPM) % 2**32:08X},{round(c * MA) % 65536}",
+    ).encode(),
     "topics of other times in one table": lambda r: _table(
         r, "__time,/wheel/speed_rpm,/cmd/current_A,/case/degC",
         lambda i, t, w, c: f"{t!r},{w * RPM!r},,\n{t + 0.0011!r},,{c!r},\n{t + 0.03!r},,,{20.0 + i!r}",
@@ -437,8 +447,9 @@ def test_a_dialect_is_read_in_its_meaning(tmp_path: Path, run: rw_ekf.Log, diale
     log = rw_ekf.read(path)
     assert len(log) == len(run)
     assert log.time_s - log.time_s[0] == pytest.approx(run.time_s - run.time_s[0], abs=6e-4)
-    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-6)
-    assert log.current_A == pytest.approx(run.current_A, abs=1e-7)
+    whole = dialect == "negative numbers as registers have them"
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=0.53 * RAD_S_PER_RPM if whole else 1e-6)
+    assert log.current_A == pytest.approx(run.current_A, abs=5.1e-4 if whole else 1e-7)
     assert any("read as" in text for text in log.warnings)
 
 
@@ -463,6 +474,19 @@ def test_a_slow_channel_is_held_where_it_has_values_all_through(tmp_path: Path, 
     held = rw_ekf.read(tmp_path / "slow.csv").channels["temperature_degC"]
     assert np.array_equal(held, 20.0 + 8 * (np.arange(len(run)) // 8))
     assert "temperature_degC" not in rw_ekf.read(tmp_path / "ended.csv").channels
+
+
+def test_words_where_nothing_was_measured_are_gaps(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`ERR` and `N/A` among numbers, be it late in a file, take no column away; the readings around them stay."""
+    rows = [[f"{t!r}", f"{w * RPM!r}", f"{c!r}"] for t, w, c in _rows(run)]
+    for row, cell in ((9, "ERR"), (300, "N/A"), (301, "overflow")):
+        rows[row][1] = cell
+        path = tmp_path / "lab.csv"
+        path.write_text("Time (s),RPM,Current (A)\n" + "".join(",".join(cells) + "\n" for cells in rows))
+        rows[row][1] = f"{float(run.speed_rad_s[row]) * RPM!r}"
+        log = rw_ekf.read(path)
+        assert np.flatnonzero(np.isnan(log.speed_rad_s)).tolist() == [row]
+        assert np.delete(log.speed_rad_s, row) == pytest.approx(np.delete(run.speed_rad_s, row), abs=1e-6)
 
 
 def test_a_line_of_thousands_of_cells_takes_no_longer_than_its_length(tmp_path: Path) -> None:
