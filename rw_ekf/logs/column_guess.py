@@ -28,6 +28,7 @@ _WARM_DEGC = 10.0  # T_C alone is below it: a Coulomb torque, in whatever unit, 
 _UPWARD = 0.01  # of the rows at most: late ones, where the newest stands first
 _STEADY = 0.5  # of its step: so evenly goes a counter that is a clock, and not the angle of a wheel that turns
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970; in ms and less from 2001, as any clock (`column_time`)
+_JULIAN, _JULIAN_STEP = (2.44e6, 2.48e6), 1.0e-3  # 1968 to 2077 in days, and less than 90 s between rows
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
 _NOT_OF_THE_WHEEL = (
     "cpu", "mcu", "pcb", "board", "ambient", "amb", "room", "raum", "env", "chamber", "delta", "rise", "barometric",
@@ -148,13 +149,14 @@ def _of_two_signals(one: Clock, other: Clock, columns: list[Column]) -> bool:
 
 
 def _holds_dates(table: RawTable, column: Column) -> bool:
-    """Whether all its cells are dates or times of day, as text or as seconds since 1970, that do not fall."""
+    """Whether all its cells are dates or times of day, text, seconds since 1970 or Julian dates, that do not fall."""
     values = column.values
     if len(values) < 3 or not np.isfinite(values).all() or float(np.mean(np.diff(values) < 0.0)) > 0.01:
         return False
     first, last = float(values[0]), float(values[-1])
     since_1970 = any(low <= first < last < high for low, high in (_DATES, *(epoch[:2] for epoch in EPOCHS)))
-    return since_1970 if table.is_plain_number(column.number) else float(np.ptp(values)) > 0.0
+    julian = _JULIAN[0] <= first < last < _JULIAN[1] and float(np.median(np.diff(values))) < _JULIAN_STEP
+    return since_1970 or julian if table.is_plain_number(column.number) else float(np.ptp(values)) > 0.0
 
 
 def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str] | None:

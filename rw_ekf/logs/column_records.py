@@ -24,7 +24,10 @@ _RAW = re.compile(r"(?P<of>.*\S)\s*\(RAW\)")  # COSMOS: counts, beside which sta
 _CONVERTED = re.compile(r"\s*\([UF]\)")  # with units, formatted
 _SYMBOL = 2  # letters: ia, iu
 _TAIL = re.compile(r"\s*[(\[].*")
-_DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s))(?P<text>[^\W\d].*)")
+_DEFINED = re.compile(
+    r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s|[\[(]))(?P<text>[\[(]?[^\W\d].*|[\[(].*)"
+)
+_CLAUSE = re.compile(r"[;,](?![^\[(]*[\])])")  # none within brackets
 _SIGNED: tuple[Role, ...] = ("speed", "speed_set", "current", "current_set")
 _COUNTING: tuple[Role, ...] = ("time", "count", "segment", "direction", "other")  # has no reading to miss
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
@@ -178,6 +181,8 @@ def columns_of(table: RawTable) -> list[Column]:
     for number, name in enumerate(table.names):
         habit = habitual_unit(name, table.names)
         said = said_by(name).in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
+        if said.unit_text == "c" and {f"{name[:-1]}{other}" for other in "abd"} & {*table.names}:
+            said = said._replace(unit_text="", unit=None)  # the third of several sensors
         values = table.numbers(number, stamps=True)
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
@@ -188,7 +193,7 @@ def columns_of(table: RawTable) -> list[Column]:
         mark = mark_of_missing(values) if role not in _COUNTING else None
         values = values if mark is None else np.where(values == mark, np.nan, values)
         unsigned = unsigned_turn(values) if role in _SIGNED else None
-        turn = None if unsigned is None else unsigned[0]
+        turn = unsigned[0] if unsigned else None
         values = values if turn is None else np.where(values > 0.5 * turn, values - turn, values)
         factor, more = _factor_of(table.factors.get(name, ("", "")), values, role)
         remark = "; ".join(filter(None, (remark, more)))
@@ -241,9 +246,10 @@ def _dictionary(table: RawTable) -> dict[str, str]:
     """What lines above the names say of columns: `# i   motor current, signed [mA]`; `omega: wheel rate (rad/s)`."""
     found: dict[str, str] = {}
     for line in table.preamble:
-        match = _DEFINED.fullmatch(line)
-        if match is not None and match["name"] in table.names and match["name"] not in found:
-            found[match["name"]] = match["text"]
+        matches = [[_DEFINED.fullmatch(text) for text in texts] for texts in (_CLAUSE.split(line), [line])]
+        several, whole = ([m for m in each if m is not None and m["name"] in table.names] for each in matches)
+        for match in several if len(several) > 1 else whole:  # `time in ms, speed in rpm`
+            found.setdefault(match["name"], match["text"])
     return found
 
 

@@ -14,8 +14,14 @@ from rw_ekf.logs.column_names import Said
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.row_rules import restarted, unwrapped, usual_step
 
-EPOCHS = ((1.0e9, 2.3e9, "s"), (1.0e12, 2.3e12, "ms"), (1.0e15, 2.3e15, "us"), (1.0e18, 2.3e18, "ns"))
-_SERIAL_DAYS = ((3.0e4, 6.5e4, "Excel"), (6.9e5, 7.8e5, "MATLAB"))  # from 1900 and from year 0
+EPOCHS = (
+    (1.0e9, 2.3e9, "s", "1970"), (1.0e12, 2.3e12, "ms", "1970"), (1.0e15, 2.3e15, "us", "1970"),
+    (1.0e18, 2.3e18, "ns", "1970"), (6.2e17, 6.5e17, "100 ns", "year 1, as .NET does,"),
+    (1.2e17, 1.4e17, "100 ns", "1601, as Windows does,"),
+)  # fmt: skip
+_SERIAL_DAYS = (
+    (3.0e4, 6.5e4, "Excel has them"), (6.9e5, 7.8e5, "MATLAB has them"), (2.44e6, 2.48e6, "Julian dates are"),
+)  # fmt: skip
 _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
 _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
@@ -135,12 +141,12 @@ def _unit(
     if name == "time_s":
         return "", (), "its name is the log's own"
     middle = float(np.median(values))
-    for low, high, unit in EPOCHS:
+    for low, high, unit, year in EPOCHS:
         if low <= middle < high and usual < 0.01 * low:
-            return unit, (), f"counts from 1970 in {unit}"
-    for low, high, program in _SERIAL_DAYS:
+            return unit, (), f"counts from {year} in {unit}"
+    for low, high, whose in _SERIAL_DAYS:
         if low <= middle < high and 0.0 < usual < 1.0e-3 and not np.all(values == np.round(values)):
-            return "days", (), f"serial days, as {program} has them"
+            return "days", (), f"serial days, as {whose}"
     return None
 
 

@@ -55,6 +55,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
+    **_all(Unit("speed", 1e-3 * RAD_S_PER_RPM), "mrpm"),
     **_all(Unit("speed", _DEGREE), "deg/s °/s °/sec deg/sec degs-1 dps degree/s degrees/s degrees/sec degps "
         "degrees/second grad/s gradsec degreespersecond"),
     **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s tr/s r/s 1/s s-1 "

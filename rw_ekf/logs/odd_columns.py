@@ -115,7 +115,8 @@ def unsigned_turn(values: Float64Array) -> tuple[float, int] | None:
             part = values / full
             upper, lower = part > _EMPTY[1], part < _EMPTY[0]
             whole = np.abs(values / step - np.round(values / step)) < 1.0e-3
-            if min(upper.sum(), lower.sum()) >= _LEAST_ROWS and (upper | lower).all() and whole.all():
+            ends = bool(np.all(values[upper] >= full - 1.5 * step))  # a drive from 0 to 65535, and not to -1
+            if min(upper.sum(), lower.sum()) >= _LEAST_ROWS and (upper | lower).all() and whole.all() and not ends:
                 return full, round(math.log2(size))
     return None
 

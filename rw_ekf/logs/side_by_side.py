@@ -87,7 +87,7 @@ def _is_part(seconds: Float64Array, part_s: Float64Array) -> bool:
 def beside_each_other(table: RawTable) -> RawTable | None:
     """Several tables beside each other as one; None for any other table."""
     clocks = [number for number, name in enumerate(table.names) if name and role_of(said_by(name)) == "time"]
-    bare = {re.sub(r"[ _.]?\d+$", "", table.names[number]) for number in clocks}
+    bare = {_unnumbered(table.names[number]) for number in clocks}
     if len(clocks) < 2 or len(bare) > 1 or any(table.names[: clocks[0]]):
         return None
     blocks = [list(range(*span)) for span in zip(clocks, [*clocks[1:], len(table.names)], strict=True)]
@@ -97,10 +97,15 @@ def beside_each_other(table: RawTable) -> RawTable | None:
     times = [table.numbers(block[0]) for block in blocks]
     if not all(map(_rises, times)):
         return None
-    named = [[re.sub(r"[ _.]?\d+$", "", table.names[column]) for column in block] for block in blocks]
+    named = [[_unnumbered(table.names[column]) for column in block] for block in blocks]
     if all(names == named[0] for names in named):
         return _stacked(table, blocks)
     return _on_one_clock(table, blocks, times)
+
+
+def _unnumbered(name: str) -> str:
+    """A name without the number of its run, which stands at its end or before its unit: `n2`, `n2 [rpm]`."""
+    return re.sub(r"(?<=\D)[ _.]?\d+(?=$|\s*[\[(])", "", name)
 
 
 def in_turn(table: RawTable) -> RawTable | None:

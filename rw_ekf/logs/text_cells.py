@@ -30,7 +30,7 @@ _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
 })  # fmt: skip
 _WITH_UNIT = re.compile(
-    r"(?P<value>[+-]?(?=[.,]*\d)[\d.,]{1,30}+(?:[eE][+-]?\d+)?)\s(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*(?: s\^?-1)?)"
+    r"(?P<value>[+-]?(?=[.,]*\d)[\d.,]{1,30}+(?:[eE][+-]?\d+)?)\s?(?P<unit>(?:[^\s\d\"',;]|1/)[^\s\"',;]*(?: s\^?-1)?)"
 )
 _UNIT_IN_CELL = re.compile(rf"(?<![^,;\t\"])\s*{_WITH_UNIT.pattern}\s*(?![^,;\t\"])")
 _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
@@ -41,6 +41,7 @@ _GAPS = frozenset({
 _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an oscilloscope's reading over its range
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 _TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width
+_BETWEEN_THOUSANDS = re.compile("(?<=[0-9])['’\u00a0\u202f](?=[0-9]{3})")
 _SIGN_APART = re.compile(r"(?<![^,;|\t\"])([ ]*[+-])[ ]+(?=[\d.])")  # +  1023.5, of recorders
 
 
@@ -71,7 +72,7 @@ class TextLayout:
 
     def cells(self, line: str) -> list[str]:
         """The cells of a line, without the blanks around them; none of what cannot be cut."""
-        return split_cells(self.form.row(line, self.delimiter), self.delimiter)
+        return split_cells(_BETWEEN_THOUSANDS.sub("", self.form.row(line, self.delimiter)), self.delimiter)
 
     def filled(self, line: str) -> list[str]:
         """The same up to the last that is not empty."""

@@ -432,6 +432,25 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "time_ms,velocity_rpm,current_mA",
         lambda i, t, w, c: f"{1e3 * t:.0f},0x{round(w * RPM) % 2**32:08X},{round(c * MA) % 65536}",
     ).encode(),
+    "units of several columns in a sentence": lambda r: _table(
+        r, "# time in ms; speed in 0.1 rpm, current: mA\ntime,speed,current",
+        lambda i, t, w, c: f"{1e3 * t!r},{10.0 * w * RPM!r},{c * MA!r}",
+    ).encode(),
+    "apostrophes between thousands": lambda r: _table(
+        r, "Zeit [ms];Drehzahl [1/min];Strom [uA]",
+        lambda i, t, w, c: ";".join(f"{x:,.9f}".replace(",", "'") for x in (1e3 * t, w * RPM, c * 1e6)),
+    ).encode(),
+    "thin blanks between thousands": lambda r: _table(
+        r, "Temps [ms];Vitesse [tr/min];Courant [uA]", lambda i, t, w, c: ";".join(
+            f"{x:,.9f}".replace(",", "\u202f").replace(".", ",") for x in (1e3 * t, w * RPM, c * 1e6)
+        ),
+    ).encode(),
+    "a unit at each number without a blank": lambda r: _table(
+        r, "time,speed,current", lambda i, t, w, c: f"{t!r}s,{w * RPM!r}rpm,{c * MA!r}mA"
+    ).encode(),
+    "Julian dates": lambda r: _table(
+        r, "JD,speed_rpm,current_A", lambda i, t, w, c: f"{2460381.9 + t / 86400.0:.10f},{w * RPM!r},{c!r}"
+    ).encode(),
     "topics of other times in one table": lambda r: _table(
         r, "__time,/wheel/speed_rpm,/cmd/current_A,/case/degC",
         lambda i, t, w, c: f"{t!r},{w * RPM!r},,\n{t + 0.0011!r},,{c!r},\n{t + 0.03!r},,,{20.0 + i!r}",
@@ -463,6 +482,30 @@ def test_the_map_that_columns_writes_reads_the_same(tmp_path: Path, run: rw_ekf.
     assert np.array_equal(guessed.time_s, mapped.time_s)
     assert np.array_equal(guessed.speed_rad_s, mapped.speed_rad_s)
     assert np.array_equal(guessed.current_A, mapped.current_A)
+
+
+def test_runs_beside_each_other_are_numbered_before_their_units(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`t1 [s];n1 [rpm];I1 [A];t2 [s];...` are two runs, each a segment, and no second wheel to ask about."""
+    path = tmp_path / "lab.csv"
+    path.write_text(_table(
+        _rows(run), ";".join(f"t{k} [s];n{k} [rpm];I{k} [A]" for k in (1, 2)),
+        lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r};{t!r};{2.0 * w * RPM!r};{c!r}",
+    ))  # fmt: skip
+    log = rw_ekf.read(path)
+    assert np.unique(log.segment).size == 2
+    assert log.speed_rad_s == pytest.approx(np.concatenate([run.speed_rad_s, 2.0 * run.speed_rad_s]), abs=1e-6)
+
+
+def test_the_third_of_several_sensors_is_no_celsius(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`temp_c` beside `temp_a` says which sensor, and a command that is 0 or 65535 is no -1."""
+    path = tmp_path / "lab.csv"
+    path.write_text(_table(
+        _rows(run), "t_s,wheel_rpm,current_A,temp_a,temp_c,dac_current_cmd",
+        lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},20,90,{65535 if c > 0 else 0}",
+    ))  # fmt: skip
+    entries = {line.name: line.entry for line in rw_ekf.guess_columns(path).guess.lines}
+    assert "temperature_degC" not in entries
+    assert not any("wrap" in entry for entry in entries.values())
 
 
 def test_a_slow_channel_is_held_where_it_has_values_all_through(tmp_path: Path, run: rw_ekf.Log) -> None:
