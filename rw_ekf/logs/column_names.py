@@ -33,6 +33,8 @@ _EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a strok
     r"[\s_]*\d+(?:[.,]\d+)?[\s_]*[mun]?s(?:ec)?(?![A-Za-z])",
     re.IGNORECASE,
 )
+# A limit or a setting, and no unit of the numbers: `speed: 6000 rpm`; of a power of ten it is one, `0.1 rpm`.
+_AMOUNT = re.compile(r"(?<![\w.])(?!(?:0?\.0*1|10*)\s)[+-]?\d[\d.,]*\s+(?!by|of|to)[A-Za-z°µ%][\w/°%^-]*")
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
 _DERIVATIVE = re.compile(r"\bder\(")  # of what stands behind it, in Modelica
 _LEVELS = re.compile(r"'([^']*)'")
@@ -58,7 +60,7 @@ class Said(NamedTuple):
         """
         if not remark:
             return self
-        remark = _EVERY.sub("", remark)
+        remark = _AMOUNT.sub(" ", _EVERY.sub("", remark))
         said = self.in_unit(unit_in_prose(remark))
         if said.unit is None and (spoken := said_by(remark)).unit is not None:
             said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)

@@ -123,7 +123,7 @@ def in_turn(table: RawTable) -> RawTable | None:
     if time is None or speed is None:
         return None
     base = known[speed]
-    held = {number for number, each in known.items() if np.mean(base[each]) < _TOGETHER}
+    held = {n for n, each in known.items() if max(np.mean(base[each]), np.mean(each[base])) < _TOGETHER}
     between = {number for number, each in known.items() if role[number] in _DRIVES and not base[each].all()}
     if not between or not between <= held:
         held, base = set(), np.ones(table.rows, dtype=np.bool_)

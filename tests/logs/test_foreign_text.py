@@ -496,6 +496,27 @@ def test_runs_beside_each_other_are_numbered_before_their_units(tmp_path: Path, 
     assert log.speed_rad_s == pytest.approx(np.concatenate([run.speed_rad_s, 2.0 * run.speed_rad_s]), abs=1e-6)
 
 
+def test_an_amount_above_the_names_is_no_unit_of_a_column(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`limits: speed: 6000 rpm, current: 2000 mA` says nothing of the numbers: their units are asked for."""
+    path = tmp_path / "lab.csv"
+    for line in (
+        "# limits: time: 60 s, speed: 6000 rpm, current: 2000 mA",
+        "# speed (held at 500 rpm), current (0 to 2 A)",
+    ):
+        path.write_text(_table(_rows(run), f"{line}\nt_s,speed,current", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"))
+        asked = {question.name for question in rw_ekf.guess_columns(path).guess.questions}
+        assert "speed_rad_s" in asked
+
+
+def test_a_drive_that_stands_in_every_row_is_not_thinned(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A command in all rows and a speed in a tenth of them: nothing of the command is dropped in silence."""
+    path = tmp_path / "lab.csv"
+    path.write_text(_table(
+        _rows(run), "t_s,wheel_rpm,cmd_A", lambda i, t, w, c: f"{t!r},{w * RPM if i % 10 == 0 else ''},{c!r}"
+    ))  # fmt: skip
+    assert read_table(path, ColumnMap()).rows == len(run)
+
+
 def test_the_third_of_several_sensors_is_no_celsius(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`temp_c` beside `temp_a` says which sensor, and a command that is 0 or 65535 is no -1."""
     path = tmp_path / "lab.csv"
