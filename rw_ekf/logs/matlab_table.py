@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,18 @@ import numpy as np
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.labels import labelled_matrix, remarks_beside, said_beside, units_beside
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of, vectors_of
+
+_RUN = re.compile(
+    r"(?<![a-z])(runs?|trials?|tests?|exp|experiments?|rec|records?|recordings?|meas\w*|versuch|lauf|messung|sweeps?|"
+    r"cycles?|sessions?|segments?|sets?)[_ ]?[\[(]?\d+[\])]?$",
+    re.IGNORECASE,
+)  # and no wheel, motor or axis
 
 
 def read_matlab_table(path: Path, name: str, variable: str | None, layout: str) -> RawTable:
@@ -37,19 +45,17 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
     content: by name, arrays of at least two dimensions as scipy.io.loadmat gives them: a struct is a record array, a
     cell array one of objects.
     """
+    runs: list[tuple[str, Any]] = []
     if variable is None:
         if layout != "columns":
             raise LogError(f"{name}: layout '{layout}' needs `variable`, one of: {', '.join(content) or 'none'}")
-        structs = [value for value in content.values() if np.asarray(value).dtype.names]
+        structs = {key: fields for key, value in content.items() if (fields := _fields_of(value, key))}
         if structs and not (len(_vectors(content)) > 1 or labelled_matrix(content)):  # one is a time beside them
-            several = len(structs) > 1 and sum(bool(_vectors(_fields(np.asarray(s)))) for s in structs) > 1
-            for value in list(content.values()):  # the only struct with vectors, and what others say beside it
-                if np.asarray(value).dtype.names and not several:
-                    content = content | _fields(np.asarray(value))
-            for key, value in list(content.items()) if several else []:  # of each wheel, say, beside a time for all
-                if np.asarray(value).dtype.names:
-                    content = content | _fields(np.asarray(value), key)
-        columns = _columns_in(content)
+            several = len(structs) > 1 and sum(bool(_vectors(fields)) for fields in structs.values()) > 1
+            for key, fields in structs.items():  # of each run, say, beside a time for all
+                content = content | (fields if several else _fields_of(content[key], ""))
+            runs = _runs(content if several else {k: v for fields in structs.values() for k, v in fields.items()})
+        columns = runs or _columns_in(content)
         kind = "the file holds no numeric vectors"
     else:
         if variable not in content:
@@ -64,7 +70,56 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
         )
     names = tuple(column[0] for column in columns)
     table = RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
+    if runs:
+        table.warnings.append(f"{name}: holds several runs of the same columns: each is a segment")
+        content = {_in_its_run(key): value for key, value in content.items()}
+    elif variable is None and (left := [key for key in _speeds(content) if key not in names]):
+        table.warnings.append(f"{name}: {', '.join(left[:MAX_NAMES_SHOWN])}: of another length and left out")
     return replace(table, preamble=said_beside(content), units=units_beside(content), remarks=remarks_beside(content))
+
+
+def _fields_of(value: Any, key: str) -> dict[str, Any]:
+    """What a struct, an array of structs or a cell array of them holds, by path; nothing for anything else."""
+    array = np.asarray(value)
+    if array.dtype.names:
+        return _fields(array, key)
+    cells = list(array.reshape(-1)) if array.dtype.kind == "O" else []
+    if not cells or not all(np.asarray(cell).dtype.names for cell in cells):
+        return {}
+    return {k: v for number, cell in enumerate(cells) for k, v in _fields(np.asarray(cell), f"{key}[{number}]").items()}
+
+
+def _in_its_run(key: str) -> str:
+    """What a path is called within the run that it belongs to; itself where that is none."""
+    place, _, last = key.rpartition(".")
+    return last if _RUN.search(place) else key
+
+
+def _speeds(content: dict[str, Any]) -> list[str]:
+    """The vectors that are speeds by their names."""
+    found = (key for key, value in content.items() if (vector := vector_of(value)) is not None and len(vector) > 1)
+    return [key for key in found if role_of(said_by(key)) == "speed"]
+
+
+def _runs(content: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Columns of runs, `run_1.t`, `run_2.t` or `trial[0].t`, under each other, with their number as `segment`.
+
+    Nothing where there is one, where they have other columns, or are of several wheels by what they are called.
+    """
+    runs: dict[str, dict[str, Any]] = {}
+    for key, value in content.items():
+        last, vector = _in_its_run(key), vector_of(value)
+        if last != key and vector is not None and len(vector) > 1:
+            runs.setdefault(key.removesuffix(last), {})[last] = vector
+    names = [list(run) for run in runs.values()]
+    alike = len(runs) > 1 and all(each == names[0] for each in names)
+    whole = all(len({len(vector) for vector in run.values()}) == 1 for run in runs.values())
+    roles = {role_of(said_by(each)) for each in names[0]} if alike and whole else set()
+    if not roles >= {"time", "speed"}:
+        return []
+    rows = [len(next(iter(run.values()))) for run in runs.values()]
+    columns = [(each, np.concatenate([run[each].astype(np.float64) for run in runs.values()])) for each in names[0]]
+    return [*columns, ("segment", np.repeat(np.arange(len(rows), dtype=np.float64), rows))]
 
 
 def _columns_in(content: dict[str, Any]) -> list[tuple[str, Any]]:

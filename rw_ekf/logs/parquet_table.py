@@ -38,6 +38,8 @@ def of_arrow(table: Any, name: str) -> RawTable:
     """An arrow table with what its schema says of its columns. Raises EmptyLogError if it has no rows."""
     if table.num_rows == 0:
         raise EmptyLogError(f"{name}: has columns but no rows: nothing was logged")
+    while any(_is_struct(field.type) for field in table.schema):  # `motor.speed_rpm`
+        table = table.flatten()
     names = tuple(str(column).strip() for column in table.column_names)
     read = RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
     for column, field in zip(names, table.schema, strict=True):
@@ -53,6 +55,12 @@ def of_arrow(table: Any, name: str) -> RawTable:
     return read
 
 
+def _is_struct(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_struct(kind))
+
+
 def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str] | None) -> InParts | None:
     """The rows of a file, some ten thousand at a time."""
     import pyarrow as pa
@@ -66,7 +74,11 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
         try:
             with path.open("rb") as stream:
                 file = opened(stream)
-                names = [column for column in file.schema_arrow.names if _is_read(column.strip(), columns, carried)]
+                names = [
+                    field.name
+                    for field in file.schema_arrow
+                    if _is_struct(field.type) or _is_read(field.name.strip(), columns, carried)
+                ]
                 for group in range(file.num_row_groups):  # one iterator over all would keep what each has used
                     for batch in file.iter_batches(_ROWS_AT_ONCE, row_groups=[group], columns=names, use_threads=False):
                         table = of_arrow(pa.Table.from_batches([batch]), name)

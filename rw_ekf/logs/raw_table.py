@@ -112,6 +112,8 @@ class RawTable:
     def distinct(self, index: int, most: int) -> list[str]:
         """The different values of the column at `index`, as text in order; none where there are more than `most`."""
         column = self.columns[index]
+        if not isinstance(column, np.ndarray) and column.type.num_fields:  # lists and the like
+            return []
         values = np.unique(column[np.isfinite(column)]) if isinstance(column, np.ndarray) else column.unique()
         if len(values) > most + 1:
             return []

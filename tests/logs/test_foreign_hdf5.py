@@ -8,7 +8,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from scipy.io import savemat
 
+import rw_ekf
 from tests.foreign_logs import (
     Record,
     assert_same,
@@ -131,3 +133,42 @@ def test_damage_and_a_missing_library(tmp_path: Path, monkeypatch: pytest.Monkey
     as_matlab(path)
     assert_says_what_to_install(monkeypatch, path, "h5py", "hdf5")
     assert_survives_damage(path, *MAP)
+
+
+@pytest.mark.parametrize("form", ["struct array", "cell array of structs", "groups"])
+def test_runs_in_one_file_are_segments(tmp_path: Path, form: str) -> None:
+    """Two runs of different lengths, whichever way a file holds them, are read both; of two wheels neither is dropped
+    without a word."""
+    records = [Record(1), Record(2, rows=80)]
+    held = [{"t_s": r.time_s, "speed_rad_s": r.speed, "i_A": r.current} for r in records]
+    for name in ("run", "wheel"):
+        path = tmp_path / f"{name}.mat"
+        if form == "groups":
+            with h5py.File(path, "w") as file:
+                for number, fields in enumerate(held):
+                    for key, values in fields.items():
+                        file[f"{name}_{number}/{key}"] = values
+        else:
+            array = np.array(held, dtype=object)
+            if form == "struct array":
+                array = np.empty((1, 2), dtype=[(key, object) for key in held[0]])
+                for number, fields in enumerate(held):
+                    array[0, number] = tuple(fields.values())
+            savemat(path, {name: array})
+    log = rw_ekf.read(tmp_path / "run.mat")
+    assert np.array_equal(log.speed_rad_s, np.concatenate([r.speed for r in records]))
+    assert np.unique(log.segment, return_counts=True)[1].tolist() == [60, 80]
+    assert any(
+        "of another length and left out" in text for text in rw_ekf.guess_columns(tmp_path / "wheel.mat").warnings
+    )
+
+
+def test_a_list_of_units_is_of_the_fields_of_a_table_of_rows(tmp_path: Path) -> None:
+    """A dataset of rows whose attribute `units` has one for each field: none is asked for."""
+    record = Record(3)
+    rows = np.zeros(60, dtype=[("time", "f8"), ("speed", "f8"), ("current", "f8")])
+    rows["time"], rows["speed"], rows["current"] = record.time_s, record.speed, record.current
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["log/telemetry"] = rows
+        file["log/telemetry"].attrs["units"] = ["s", "rad/s", "A"]
+    assert_same(rw_ekf.read(tmp_path / "a.h5"), record)

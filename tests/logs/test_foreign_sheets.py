@@ -121,6 +121,14 @@ def test_dates_and_times_of_day_are_seconds(tmp_path: Path) -> None:
     assert np.allclose(read_with(tmp_path / "b.xlsx", *MAP).time_s, [86390, 86395, 86400, 86405])
 
 
+def test_numbers_that_are_texts_are_read_as_those_of_a_text(tmp_path: Path) -> None:
+    """A sheet into which a CSV was pasted has `12,5` and `10:31:05,1` as words: they are numbers and times."""
+    rows = [[f"10:31:{0.1 * row:04.1f}".replace(".", ","), f"{row % 7},5", f"-{row},25"] for row in range(60)]
+    log = rw_ekf.read(save(tmp_path / "a.xlsx", {"a": [["Uhrzeit", "Drehzahl in 1/min", "Strom in mA"], *rows]}))
+    assert np.allclose(log.time_s - log.time_s[0], 0.1 * np.arange(60.0))
+    assert np.allclose(1e3 * log.current_A, -np.arange(60.0) - 0.25)
+
+
 def test_the_form_of_a_date_is_no_unit_of_it(tmp_path: Path) -> None:
     """`hh:mm:ss.000` below the name of dates says how they are shown: nothing is asked; of plain numbers it is."""
     noon = datetime.datetime(2024, 5, 1, 12, 0, 0)

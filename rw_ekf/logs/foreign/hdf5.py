@@ -73,10 +73,15 @@ def _value(file: Any, item: Any, depth: int) -> Any:
 
 
 def _attributes(key: str, item: Any) -> dict[str, Any]:
-    """Attributes of an object as variables beside it: `speed_unit`."""
-    return {
-        f"{key}_{said}".lstrip("_"): np.asarray(value) for said, value in item.attrs.items() if "MATLAB" not in said
-    }
+    """Attributes of an object as variables beside it: `speed_unit`; a list of them for the fields of a table."""
+    found: dict[str, Any] = {}
+    fields = getattr(getattr(item, "dtype", None), "names", None) or ()
+    for said, value in item.attrs.items():
+        if len(fields) == np.size(value) > 1:
+            found |= {f"{key}.{field}_{said}": np.asarray(each) for field, each in zip(fields, value, strict=True)}
+        elif "MATLAB" not in said:
+            found[f"{key}_{said}".lstrip("_")] = np.asarray(value)
+    return found
 
 
 def _is_struct_array(group: Any) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,13 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.csv_table import read_csv_table
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.header_rows import with_names
+from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.text_cells import CELL, TextLayout, split_cells
+from rw_ekf.logs.text_layout import layout_of
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote before 2007
@@ -41,6 +45,9 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
             return _table(_rows(book, columns.variable), name, columns)
         held = {sheet: _rows(book, sheet) for sheet in sheets}
     found = {sheet: rows for sheet, rows in held.items() if _first_data(rows, columns) is not None}
+    texts = {sheet: table for sheet, rows in held.items() if not found and (table := _of_texts(rows, name, columns))}
+    if len(texts) == 1:
+        return next(iter(texts.values()))
     if not found:
         raise EmptyLogError(f"{name}: no sheet ({', '.join(sheets)}) holds a table of numbers: nothing was logged")
     if len(found) > 1:
@@ -51,6 +58,16 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     beside = (row for sheet, rows in held.items() if sheet not in found for _, row in rows[:_SAID])
     table.preamble = (*table.preamble, *map(_line, beside))
     return table
+
+
+def _of_texts(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> RawTable | None:
+    """A sheet whose numbers are texts (`12,5`; `10:31:05,12`) as a text between tabs is read; None for no table."""
+    width = max((len(row) for _, row in rows), default=0)
+    text = "\n".join(_as_text(row, width).replace("\t", " ").replace(CELL, "\t") for _, row in rows) + "\n"
+    layout = replace(columns.csv, delimiter="\t", skip_rows=sum(number <= columns.csv.skip_rows for number, _ in rows))
+    if layout_of(text.encode(), delimiter="\t", skip_rows=layout.skip_rows) is None:
+        return None
+    return read_csv_table(LogText(Path(name), text.encode()), layout, columns.uses, name)
 
 
 def _line(row: list[Any]) -> str:
