@@ -190,7 +190,7 @@ def role_of(said: Said) -> Role:
     if said.unit is None and said.any_of("derivative"):
         role = "speed" if role == "angle" else "other"
     if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
-        alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower()}
+        alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower(), "x"}  # the axis of a plot
         return "time" if alone or said.says_time else "other"
     if role == "current" and said.has("direct") and not said.any_of("q", "iq"):
         return "other"  # it magnetises, and turns nothing

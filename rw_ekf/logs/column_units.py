@@ -36,8 +36,9 @@ def _all(unit: Unit, spellings: str) -> dict[str, Unit]:
 
 
 _SPELLINGS: dict[str, Unit] = {
-    **_all(Unit("time"), "s с сек sec secs second seconds sekunde sekunden sek seconde secondes segundos secondi"),
-    **_all(Unit("time", 1e-3), "ms мс msec msecs millis millisec millisecs millisecond milliseconds millisekunden"),
+    **_all(Unit("time"), "s с 秒 сек sec secs second seconds sekunde sekunden sek seconde secondes segundos secondi"),
+    **_all(Unit("time", 1e-3), "ms мс 毫秒 msec msecs millis millisec millisecs millisecond milliseconds "
+        "millisekunden"),
     **_all(Unit("time", 1e-6), "us usec usecs micros microsec microsecond microseconds mus"),
     **_all(Unit("time", 1e-9), "ns nsec nanos nanosec nanosecond nanoseconds"),
     **_all(Unit("time", 60.0), "min mins minute minutes minuten"),
@@ -47,7 +48,7 @@ _SPELLINGS: dict[str, Unit] = {
         "radians/second "
         "radianspersecond"),
     **_all(Unit("speed", 1e-3), "mrad/s"),
-    **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 1/min об/мин мин-1 /min min-1 u/min upm umin "
+    **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 转/分 转/分钟 回転/分 1/min об/мин мин-1 /min min-1 u/min upm umin "
         "umdr/min tr/min r/min rev/min "
         "revs/min "
         "obr/min dev/dk devir/dk d/dk omw/min toeren/min varv/min ot/min turn/min turns/min giri/min rot/min "
@@ -68,10 +69,10 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("angle", _TURN), "turn turns rev revs revolution revolutions umdrehung umdrehungen umdr tour tours"),
     **_all(Unit("angle", _TURN, per="counts_per_turn"), "counts count cnt cnts ticks tick inc increments inkremente "
         "pulses lsb steps"),
-    **_all(Unit("current"), "a а amp amps ampere amperes"),
+    **_all(Unit("current"), "a а 安 安培 amp amps ampere amperes"),
     **_all(Unit("current"), "arms aeff apk apeak ampsrms amprms ampererms amppk ampspk amppeak ampspeak"),  # said so
     **_all(Unit("current", 1e-3), "marms maeff mapk mapeak"),
-    **_all(Unit("current", 1e-3), "ma ма milliamp milliamps milliampere milliamperes"),
+    **_all(Unit("current", 1e-3), "ma ма 毫安 milliamp milliamps milliampere milliamperes"),
     **_all(Unit("current", 1e-6), "ua µa"),
     **_all(Unit("torque"), "nm n.m n-m newton-meter newton-meters newtonmeter newtonmeters nmeter"),
     **_all(Unit("torque", 1e-3), "mnm"),
@@ -84,7 +85,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("force", 1e3), "kn"),
     **_all(Unit("voltage"), "v в volt volts"),
     **_all(Unit("voltage", 1e-3), "mv millivolt millivolts"),
-    **_all(Unit("temperature"), "degc °c °с celsius c degreescelsius degreec"),
+    **_all(Unit("temperature"), "degc °c °с 摄氏度 celsius c degreescelsius degreec"),
     **_all(Unit("temperature", 5.0 / 9.0, -160.0 / 9.0), "degf °f fahrenheit f"),
     **_all(Unit("temperature", 1.0, -273.15), "k kelvin degk"),
     **_all(Unit("temperature", 1e-3), "mdegc"),

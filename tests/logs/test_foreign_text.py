@@ -448,6 +448,13 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
     "a unit at each number without a blank": lambda r: _table(
         r, "time,speed,current", lambda i, t, w, c: f"{t!r}s,{w * RPM!r}rpm,{c * MA!r}mA"
     ).encode(),
+    "a clock that is called x, in ms": lambda r: _table(
+        r, "x [ms];Actual Velocity [rpm];Actual Current [mA]",
+        lambda i, t, w, c: f"{1e3 * t!r};{w * RPM!r};{c * MA!r}",
+    ).encode(),
+    "Chinese units": lambda r: _table(
+        r, "时间(秒),转速(转/分),电流(毫安)", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c * MA!r}"
+    ).encode("gb18030"),
     "Julian dates": lambda r: _table(
         r, "JD,speed_rpm,current_A", lambda i, t, w, c: f"{2460381.9 + t / 86400.0:.10f},{w * RPM!r},{c!r}"
     ).encode(),
