@@ -226,8 +226,10 @@ class SerialLink:
 
     def _take(self, at_least: int, keep: list[Frame] | None = None) -> bytes:
         """Read what is there, waiting one poll for it; frames go to `keep`, or without it count as stale."""
-        more = 0 if keep is None else min(self._serial.in_waiting, DRAIN_LIMIT_BYTES)
-        chunk = read_port(self._serial, max(at_least, more), self.settings.exclusive)
+        chunk = read_port(self._serial, at_least, self.settings.exclusive)
+        if chunk and keep is not None:
+            more = min(self._serial.in_waiting, DRAIN_LIMIT_BYTES)
+            chunk += read_port(self._serial, more, self.settings.exclusive)
         if not chunk:
             return chunk
         self._came_s = self._clock.monotonic()
