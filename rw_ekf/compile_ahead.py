@@ -70,25 +70,25 @@ def compile_all(names: Sequence[str], tick: Callable[[int], object] = lambda don
     names = cold(names)
     cores = len(os.sched_getaffinity(0))
     with contextlib.ExitStack() as stack:
-        running: list[Compilation] = []
+        running: list[tuple[Kernel, Compilation]] = []
         for name in reversed(names):  # the longest come last in the lists above
             while len(running) >= cores:
                 running = _without_ended(running, tick)
-            running.append(stack.enter_context(kernel(name).begin()))
+            running.append((kernel(name), stack.enter_context(kernel(name).begin())))
         while running:
             running = _without_ended(running, tick)
-    for name in names:
-        kernel(name).compile()
 
 
-def _without_ended(running: Sequence[Compilation], tick: Callable[[int], object]) -> list[Compilation]:
+def _without_ended(
+    running: Sequence[tuple[Kernel, Compilation]], tick: Callable[[int], object]
+) -> list[tuple[Kernel, Compilation]]:
     """Those that are still at work, a moment later."""
     time.sleep(_POLL_S)
     left = []
-    for compilation in running:
+    for of, compilation in running:
         if compilation.process.poll() is None:
-            left.append(compilation)
+            left.append((of, compilation))
         else:
-            compilation.finish()
+            of.end(compilation)
             tick(1)
     return left

@@ -20,9 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from rw_ekf.c_code import c_library, packing
-from rw_ekf.c_code.c_library import Compilation, CompilerError, compiler, kept_at, load
-
-_Native = Callable[[bytes, object], object]
+from rw_ekf.c_code.c_library import Compilation, CompilerError, Native, compiler, kept
 
 
 @functools.cache
@@ -71,7 +69,7 @@ class Kernel:
         self.name = "_".join(part for part in (home, plain.__name__.strip("_"), variant) if part)
         self._modules, self._example, self._result = modules, example, packing.Result(result)
         self._sizes_known = sizes_known
-        self._native: _Native | None = None
+        self._native: Native | None = None
 
     def __call__(self, *given: Any) -> Any:
         """Compute; in plain Python within `interpreted()`, and where nothing can be compiled."""
@@ -117,15 +115,17 @@ class Kernel:
 
     def is_ready(self) -> bool:
         """Whether the next call runs at once: loaded, or whole on disk."""
-        if self._native is None and (path := kept_at(self.name, self.stamp)) is not None:
-            with contextlib.suppress(OSError):
-                self._native = load(path)
+        if self._native is None:
+            self._native = kept(self.name, self.stamp)
         return self._native is not None
+
+    def is_kept(self) -> bool:
+        """Whether the next process finds it on disk."""
+        return kept(self.name, self.stamp) is not None
 
     def begin(self) -> Compilation:
         """Let a compiler begin. Raises CompilerError where there is none, or where what it calls has no C."""
-        if compiler() is None:
-            raise CompilerError("no C compiler is found")  # before anything is printed
+        compiler()  # before anything is printed
         from rw_ekf.c_code.c_kernel import kernel_text
         from rw_ekf.c_code.c_types import NotPrintableError
 
@@ -141,11 +141,11 @@ class Kernel:
         if self.is_ready():
             return
         with self.begin() as compilation:
-            path = compilation.finish()
-        try:
-            self._native = load(path)
-        except OSError as error:
-            raise CompilerError(str(error)) from None
+            self.end(compilation)
+
+    def end(self, compilation: Compilation) -> None:
+        """Wait for a compiler, and load what it made. Raises CompilerError."""
+        self._native = compilation.finish()
 
 
 def stay_plain() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -98,16 +100,87 @@ def test_no_folder_that_can_be_written_costs_the_file_and_not_the_run(
 ) -> None:
     """Where nothing can be kept it is compiled for this process: no exception, the right number, nothing left."""
     (workplace / "kept").write_text("a file where the folder should be", encoding="utf-8")
-    private = workplace / "private"
-    monkeypatch.setattr(c_library, "private_folder", lambda: private)
-    monkeypatch.setattr(c_library, "folders", lambda: iter([workplace / "kept"]))
-    assert law_over(workplace, TRIPLE)(2.0) == 6.0
-    assert len(list(private.iterdir())) == 1
+    (workplace / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(workplace / "temporary"))
+    law = law_over(workplace, TRIPLE)
+    assert law(2.0) == 6.0
+    assert (law.is_ready(), law.is_kept()) == (True, False)
+    assert list((workplace / "temporary").iterdir()) == []
+
+
+def test_a_user_without_a_home_has_one_folder_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither HOME nor an entry for the user: libraries are kept beside the program only."""
+    monkeypatch.delenv(c_library.FOLDER_VARIABLE)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(os.path, "expanduser", str)
+    assert [folder.name for folder in c_library.folders()] == ["__pycache__"]
+
+
+def test_the_folder_of_the_day_serves(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder that is told as "." keeps libraries that are found again."""
+    monkeypatch.chdir(workplace)
+    monkeypatch.setenv(c_library.FOLDER_VARIABLE, ".")
+    assert value_and_readiness(workplace, TRIPLE) == (6.0, False)
+    assert value_and_readiness(workplace, TRIPLE) == (6.0, True)
+
+
+def test_no_room_for_the_compiler_is_a_word(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no temporary file can be written it runs as plain Python, and TMPDIR is named."""
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(workplace / "nowhere")])
+    with pytest.warns(RuntimeWarning, match="TMPDIR: No usable temporary directory"):
+        assert law_over(workplace, TRIPLE)(2.0) == 6.0
+
+
+def compiler_of(folder: Path, *lines: str) -> str:
+    """A compiler's command, written in shell; `$made` is what it is to write."""
+    script = folder / "odd-cc"
+    made = 'made=$(echo "$@" | sed "s/.* -o //; s/ .*//")'
+    script.write_text("\n".join(["#!/bin/sh", made, *lines, ""]), encoding="utf-8")
+    script.chmod(0o755)
+    return str(script)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("exit 0", "status 0, and no library"),
+        (': > "$made"', "file too short"),
+        ('echo "int other;" | cc -shared -x c -o "$made" -', "no rw_run"),
+        ("kill -9 $$", "status -9"),
+    ],
+)
+def test_what_is_no_library_is_not_kept(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, line: str, words: str
+) -> None:
+    """A compiler that makes nothing, or nothing of use: one warning, the right number, and nothing on disk."""
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, compiler_of(workplace, line))
+    with pytest.warns(RuntimeWarning, match=words):
+        assert law_over(workplace, TRIPLE)(2.0) == 6.0
+    assert not list((workplace / "kept").glob("*"))
+
+
+def test_a_compiler_may_say_much(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More warnings than a pipe holds do not stop it: it ends by itself, and what it made is used."""
+    loud = compiler_of(workplace, "head -c 300000 /dev/zero >&2", 'exec cc "$@"')
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, loud)
+    law = law_over(workplace, TRIPLE)
+    with law.begin() as compilation:
+        assert compilation.process.wait(timeout=60.0) == 0  # against a hang only
+        law.end(compilation)
+    assert law.is_kept()
 
 
 @pytest.mark.parametrize(
     ("command", "words"),
-    [("no-such-compiler-anywhere", "no C compiler"), ("false", "false: status 1"), ("none", "no C compiler")],
+    [
+        ("no-such-compiler-anywhere", "no C compiler"),
+        ("false", "false: status 1"),
+        ("none", "no C compiler"),
+        (" ", "no C compiler"),
+        ("cc 'unended", "no C compiler"),
+    ],
 )
 def test_without_a_compiler_all_runs_as_plain_python(
     workplace: Path, monkeypatch: pytest.MonkeyPatch, command: str, words: str
@@ -121,12 +194,12 @@ def test_without_a_compiler_all_runs_as_plain_python(
 
 
 def test_an_interrupted_compiler_is_ended(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever is raised while it works, its process ends and its folder is gone."""
-    slow = workplace / "slow-cc"
-    slow.write_text("#!/bin/sh\nexec sleep 600\n", encoding="utf-8")
-    slow.chmod(0o755)
-    monkeypatch.setenv(c_library.COMPILER_VARIABLE, str(slow))
+    """Whatever is raised while it works, its process ends with those that it started."""
+    os.mkfifo(workplace / "held")
+    slow = compiler_of(workplace, f"sleep 600 > '{workplace / 'held'}'", "true")
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, slow)
     compilation = law_over(workplace, TRIPLE).begin()
+    held = (workplace / "held").open("rb")
 
     def interrupted() -> None:
         with compilation:
@@ -136,6 +209,17 @@ def test_an_interrupted_compiler_is_ended(workplace: Path, monkeypatch: pytest.M
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert compilation.process.poll() is not None
+    with held:
+        assert held.read() == b""  # ends as soon as nobody can write any more
+
+
+def test_what_a_compiler_is_told_does_not_change_the_arithmetic(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With -ffast-math in its command, no number is still none."""
+    monkeypatch.setenv(c_library.COMPILER_VARIABLE, "cc -ffast-math")
+    same = load(workplace, "kept_same", "def law(x: float) -> float:\n    return 1.0 if x != x else 0.0\n")
+    assert Kernel(same.law, [same], lambda: (1.0,), result=0.0)(float("nan")) == 1.0
 
 
 class Pair(NamedTuple):
@@ -246,7 +330,7 @@ def test_what_is_loaded_needs_no_printer() -> None:
 def test_other_compilers_make_the_same_bits(workplace: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     """Each compiler that is found compiles the filter's pass, and its steps are Python's to the last bit."""
     monkeypatch.setenv(c_library.COMPILER_VARIABLE, command)
-    if c_library.compiler() is None or ("ziglang" in command and importlib.util.find_spec("ziglang") is None):
+    if "ziglang" in command and importlib.util.find_spec("ziglang") is None:
         pytest.skip(f"{command} is not installed")
     if "ziglang" not in command and shutil.which(command) is None:
         pytest.skip(f"{command} is not installed")

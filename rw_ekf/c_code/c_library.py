@@ -6,7 +6,6 @@ asked for, and one that a loss of power has torn is none, and so made anew.
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import ctypes
 import functools
@@ -15,6 +14,7 @@ import importlib.util
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -25,10 +25,11 @@ ENTRY = "rw_run"
 COMPILER_VARIABLE = "RW_EKF_CC"  # a compiler's command; "none": there is none, and all runs as plain Python
 FOLDER_VARIABLE = "RW_EKF_CACHE_DIR"
 # IEEE arithmetic as Python has it: nothing is fused or reordered, no power becomes a product; what `math` raises is NaN
-# or infinite here.
-_ARITHMETIC = ("-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math")
+# or infinite here. The first takes back what the command itself may have asked for.
+_ARITHMETIC = ("-fno-fast-math", "-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math")
 FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-w", *_ARITHMETIC)
 _COMPILERS = ("cc", "gcc", "clang")
+Native = Callable[[bytes, object], object]
 _SEAL_BYTES = hashlib.sha256().digest_size
 
 
@@ -36,20 +37,30 @@ class CompilerError(Exception):
     """The C compiler did not make a library of what it was given; its text says what it said first."""
 
 
-def compiler() -> list[str] | None:
+def compiler() -> list[str]:
     """The command of a C compiler: what is named in the environment, the system's, or the one that pip installs.
 
-    None where there is none, or where none is to be used.
+    Raises CompilerError where there is none, or where none is to be used.
     """
     named = os.environ.get(COMPILER_VARIABLE) or os.environ.get("CC")
-    return _found(named, os.environ.get("PATH", ""))
+    command = _found(named, os.environ.get("PATH", ""))
+    if command is None:
+        told = f", as {COMPILER_VARIABLE} or CC is {named!r}" if named else ""
+        raise CompilerError(
+            f"no C compiler is found{told}: install one (gcc, clang, or pip install ziglang), or name it in "
+            f"{COMPILER_VARIABLE}"
+        )
+    return command
 
 
 @functools.cache
 def _found(named: str | None, path: str) -> list[str] | None:
     if named:
-        command = shlex.split(named)
-        return command if shutil.which(command[0], path=path) else None
+        try:
+            command = shlex.split(named)
+        except ValueError:  # a quotation that does not end
+            return None
+        return command if command and shutil.which(command[0], path=path) else None
     for name in _COMPILERS:
         if shutil.which(name, path=path):
             return [name]
@@ -59,43 +70,36 @@ def _found(named: str | None, path: str) -> list[str] | None:
 
 
 def folders() -> Iterator[Path]:
-    """Where libraries are kept, the first first: as told, beside the program, with the user, with this process."""
+    """Where libraries are kept, the first first: as told, or beside the program, else with the user."""
     told = os.environ.get(FOLDER_VARIABLE)
     package = Path(__file__).resolve().parents[1]
     if told:
         yield Path(told)
     else:
         yield package / "__pycache__"
-        root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        yield Path(root) / "rw_ekf" / hashlib.sha256(bytes(package)).hexdigest()[:16]
-    if private_folder.cache_info().currsize:
-        yield private_folder()
+        with contextlib.suppress(RuntimeError):  # a user without a home
+            root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+            yield Path(root) / "rw_ekf" / hashlib.sha256(bytes(package)).hexdigest()[:16]
 
 
-@functools.cache
-def private_folder() -> Path:
-    """A folder for this process alone, removed at its end. Raises OSError where there is no room for that either."""
-    folder = tempfile.mkdtemp(prefix="rw-ekf-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
-
-
-def kept_at(name: str, stamp: str) -> Path | None:
-    """The whole library of that name and stamp, where one is kept."""
+def kept(name: str, stamp: str) -> Native | None:
+    """The entry of the library of that name and stamp, where a whole one is kept that can be loaded."""
     for folder in folders():
         path = folder / _file_of(name, stamp)
         with contextlib.suppress(OSError):
             content = path.read_bytes()
             if content[-_SEAL_BYTES:] == _seal(stamp, content[:-_SEAL_BYTES]):
-                return path
+                return load(path)
     return None
 
 
-def load(path: Path) -> Callable[[bytes, object], object]:
+def load(path: Path) -> Native:
     """Its entry. Raises OSError for what cannot be loaded."""
-    entry = getattr(ctypes.CDLL(str(path)), ENTRY)
+    entry = getattr(ctypes.CDLL(str(path.absolute())), ENTRY, None)
+    if entry is None:
+        raise OSError(f"{path}: there is no {ENTRY} in it")
     entry.argtypes, entry.restype = [ctypes.c_char_p, ctypes.c_void_p], None
-    found: Callable[[bytes, object], object] = entry
+    found: Native = entry
     return found
 
 
@@ -105,69 +109,69 @@ class Compilation:
     def __init__(self, name: str, stamp: str, text: str) -> None:
         """Begin. Raises CompilerError where there is no compiler, or no room for what it writes."""
         command = compiler()
-        if command is None:
-            raise CompilerError("no C compiler is found")
         self._name, self._stamp, self._command = name, stamp, command[0]
-        self._folder = tempfile.TemporaryDirectory(prefix="rw-ekf-", ignore_cleanup_errors=True)
-        try:
-            source = Path(self._folder.name) / f"{name}.c"
-            source.write_text(text, encoding="utf-8")
-            self._made = source.with_suffix(".so")
-            # A session of its own: Ctrl-C at the terminal is for the parent, which kills what it started.
-            self.process = subprocess.Popen(
-                [*command, *FLAGS, "-o", str(self._made), str(source), "-lm"],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True,
-            )  # fmt: skip
-        except OSError as error:
-            self._folder.cleanup()
-            raise CompilerError(f"{command[0]}: {error.strerror or error}") from None
+        with contextlib.ExitStack() as stack:
+            try:
+                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rw-ekf-", ignore_cleanup_errors=True))
+                source = Path(folder) / f"{name}.c"
+                source.write_text(text, encoding="utf-8")
+                self._made, self._said = source.with_suffix(".so"), source.with_suffix(".said")
+                # A session of its own: Ctrl-C at the terminal is for the parent, which kills what it started. What it
+                # says goes into a file, as nobody reads while it works; what it leaves lies in the folder.
+                with self._said.open("wb") as said:
+                    self.process = subprocess.Popen(
+                        [*command, *FLAGS, "-o", str(self._made), str(source), "-lm"], start_new_session=True,
+                        stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=os.environ | {"TMPDIR": folder},
+                    )  # fmt: skip
+            except OSError as error:
+                raise CompilerError(f"{error.filename or 'TMPDIR'}: {error.strerror or error}") from None
+            self._folder = stack.pop_all()
 
     def __enter__(self) -> Compilation:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.process.kill()
-        self.process.wait()
-        assert self.process.stderr is not None
-        self.process.stderr.close()
-        self._folder.cleanup()
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)  # with what it has started in turn
+            self.process.wait()
+        self._folder.close()
 
-    def finish(self) -> Path:
-        """Wait for it, and keep what it made. Raises CompilerError."""
-        _, errors = self.process.communicate()
-        if self.process.returncode != 0:
-            said = errors.decode(errors="replace").strip().partition("\n")[0]
-            raise CompilerError(f"{self._command}: {said or f'status {self.process.returncode}'}")
+    def finish(self) -> Native:
+        """Wait for it, and load what it made; for this process only where it cannot be kept. Raises CompilerError."""
+        status = self.process.wait()
         try:
-            return _keep(self._name, self._stamp, self._made.read_bytes())
+            if status != 0 or not self._made.exists():
+                said = self._said.read_text(encoding="utf-8", errors="replace").strip().partition("\n")[0]
+                raise CompilerError(f"{self._command}: {said or f'status {status}, and no library'}")
+            return self._keep(self._made.read_bytes())
         except OSError as error:
-            raise CompilerError(f"{self._made}: {error.strerror or error}") from None
+            raise CompilerError(f"what {self._command} made: {error.strerror or error}") from None
+
+    def _keep(self, content: bytes) -> Native:
+        for folder in folders():
+            with contextlib.suppress(OSError):
+                return _written(folder, self._name, self._stamp, content)
+        return load(self._made)
 
 
-def _keep(name: str, stamp: str, content: bytes) -> Path:
-    """Write a library where one can be written, and take away what is there of the same name and another stamp."""
-    for folder in folders():
-        with contextlib.suppress(OSError):
-            return _written(folder, name, stamp, content)
-    return _written(private_folder(), name, stamp, content)
-
-
-def _written(folder: Path, name: str, stamp: str, content: bytes) -> Path:
+def _written(folder: Path, name: str, stamp: str, content: bytes) -> Native:
+    """Write a library where it can be loaded, and take away what is there of the same name and another stamp."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / _file_of(name, stamp)
     handle, temporary = tempfile.mkstemp(dir=folder, prefix=".rw-ekf-")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content + _seal(stamp, content))
+        native = load(Path(temporary))  # programs may not run from there, or it may be none
         os.replace(temporary, path)
-    except OSError:
+    except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
     for other in folder.glob(f"{name}.*.so"):
         if other != path:
             with contextlib.suppress(OSError):
                 other.unlink()
-    return path
+    return native
 
 
 def _file_of(name: str, stamp: str) -> str:

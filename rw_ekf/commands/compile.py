@@ -15,20 +15,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run the verb: status 1 where some routine is still not to be had compiled."""
-    from rw_ekf.c_code.c_library import FOLDER_VARIABLE, private_folder
+    """Run the verb: status 1 where some routine is not kept compiled."""
     from rw_ekf.commands.first_use import make_ready
-    from rw_ekf.compile_ahead import DIAGNOSIS, cold
-    from rw_ekf.errors import BadInputError
+    from rw_ekf.compile_ahead import DIAGNOSIS, cold, kernel
     from rw_ekf.json_output import print_json
 
     found = cold(DIAGNOSIS)
     make_ready(found)
-    if private_folder.cache_info().currsize:
-        raise BadInputError(
-            f"no folder can be written that keeps what was compiled: set {FOLDER_VARIABLE} to one that can"
-        )
-    left = cold(found)
+    left = [name for name in found if not kernel(name).is_kept()]
     if args.json:
         print_json(
             {"schema": "rw_ekf.compile/1", "compiled": [name for name in found if name not in left], "left": left}

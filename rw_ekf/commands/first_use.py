@@ -12,21 +12,17 @@ def make_ready(kernels: Sequence[str]) -> None:
     One line on standard error says what and how long; the bar below it moves; an interrupt ends it at once. Where
     nothing can be compiled another says why, and all runs as plain Python.
     """
-    from rw_ekf.compile_ahead import cold, compile_all, seconds_of
+    from rw_ekf.compile_ahead import cold, compile_all, kernel, seconds_of
 
     missing = cold(kernels)
     if not missing:
         return
-    from rw_ekf.c_code.c_library import COMPILER_VARIABLE, FOLDER_VARIABLE, CompilerError, compiler, private_folder
+    from rw_ekf.c_code.c_library import FOLDER_VARIABLE, CompilerError, compiler
     from rw_ekf.compiled import stay_plain
     from rw_ekf.console import progress
 
     try:
-        if compiler() is None:
-            raise CompilerError(
-                "no C compiler is found: install one (gcc, clang, or pip install ziglang), or name it in "
-                f"{COMPILER_VARIABLE}"
-            )
+        compiler()  # before anything is said
         sys.stderr.write(
             f"rw-ekf: first use: compiling {len(missing)} numerical routines, about "
             f"{max(seconds_of(missing), 1.0):.0f} s on a desktop computer, longer on a small or busy one (once)\n"
@@ -34,8 +30,8 @@ def make_ready(kernels: Sequence[str]) -> None:
         sys.stderr.flush()
         with progress("compiling", len(missing), delay_s=0.0) as bar:
             compile_all(missing, bar.update)
-        if private_folder.cache_info().currsize:
-            sys.stderr.write(f"rw-ekf: for this time only, as no folder can be written: set {FOLDER_VARIABLE} to one\n")
+        if not all(kernel(name).is_kept() for name in missing):
+            sys.stderr.write(f"rw-ekf: for this time only, as no folder can keep them: set {FOLDER_VARIABLE} to one\n")
     except CompilerError as error:
         sys.stderr.write(f"rw-ekf: all runs as plain Python, a long log some hundred times slower: {error}\n")
         stay_plain()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -140,3 +141,14 @@ def test_the_head_of_a_log_has_the_pieces_of_its_own_samples() -> None:
         head = course.window(0, n)
         assert head.pieces.begin_s == pytest.approx(course.pieces.begin_s[: head.pieces.duration_s.size])
         assert head.piece_start[-1] <= head.pieces.duration_s.size
+
+
+def test_compile_says_what_the_next_command_finds(tmp_path: Path) -> None:
+    """Where nothing can be kept, all are left and the status is 1; a folder that can is named as what to give."""
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    done = rw_ekf("compile", "--json", env=cold_cache(tmp_path / "file"))
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["compiled"]) == (1, [])
+    assert set(told["left"]) == set(compile_ahead.DIAGNOSIS)
+    assert "for this time only" in done.stderr
+    assert "set RW_EKF_CACHE_DIR" in done.stderr
