@@ -121,6 +121,10 @@ class WheelClock:
     def _consistent(self, advance_s: float, least_s: float, most_s: float, count_s: float) -> bool:
         """Whether an interval agrees with the host's clock; the first ones may find another rate."""
         agrees = advance_s > 0.0 and self._agrees(advance_s, least_s, most_s, self._nominal, count_s)
+        so_far = self._rate_so_far  # short intervals agree with any rate, and a late one only with the clock's own
+        if not agrees and not self._fixed and advance_s > 0.0:
+            agrees = self._agrees(advance_s, least_s, most_s, so_far, count_s)
+            self._nominal = so_far if agrees else self._nominal
         if self._fixed and self._began is not None and agrees:
             began_s, began_asked_s, began_came_s = self._began
             total_s, shift_s = self._time_s + advance_s - began_s, self._asked_s - began_asked_s
@@ -133,10 +137,19 @@ class WheelClock:
             else:
                 self._candidate = advance_s / (0.5 * (least_s + most_s))
         if agrees and not self._settled:
-            self._settled, self._began = True, None  # what came before may have been a jump
+            self._settled = True
+            if self._candidate is not None:
+                self._began = None  # what came before may have been a jump
         accepted = agrees or (first and advance_s > 0.0)  # one interval alone cannot tell a jump from a fast clock
         self._jumped.append(not accepted)
         return accepted
+
+    @property
+    def _rate_so_far(self) -> float:
+        """Since the segment began, however short that is."""
+        if self._began is None or self._asked_s <= self._began[1]:
+            return self._nominal
+        return (self._time_s - self._began[0]) / (self._asked_s - self._began[1])
 
     @staticmethod
     def _agrees(advance_s: float, least_s: float, most_s: float, rate: float, count_s: float) -> bool:

@@ -98,3 +98,16 @@ def test_a_clock_that_jumps_again_and_again_is_not_believed() -> None:
     assert clock.segment == 3
     steps = [b[0] - a[0] for a, b in itertools.pairwise(told[30:])]
     assert steps == pytest.approx([0.1] * 29, abs=1e-6)
+
+
+@pytest.mark.parametrize("stalled", [(3, 5, 8), (4, 9, 14, 19), (2,)])
+def test_turns_that_are_late_while_the_rate_is_found_are_no_jumps(stalled: tuple[int, ...]) -> None:
+    """A clock eight times as fast at 80 turns a second on a busy machine: short turns agree with any rate, late ones
+    only with its own."""
+    clock, host_s, readings = WheelClock(), 2.0, []
+    for i in range(200):
+        host_s += 0.045 if i in stalled else 0.0125
+        readings.append((8.0 * host_s, host_s))
+    assert {segment for _, segment in follow(clock, *readings)} == {0}
+    assert clock.believed
+    assert clock.rate == pytest.approx(8.0, rel=0.01)
