@@ -12,7 +12,7 @@ INSTALLED := $(VENV)/.installed
 .PHONY: help demo docs test check lint quick-tests all-tests proof-measured install clean
 
 help:
-	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, the proof, and a table held by it; five minutes"
+	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, the proof, and a table held by it; four minutes"
 	@echo "make docs     the documentation as a site that reads without a network: build/site/index.html"
 	@echo "make test     lint, types, import contracts and all tests, as CI runs them"
 	@echo "make check    the same without the slow tests"
