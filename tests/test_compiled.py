@@ -10,7 +10,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.c_code import c_library
 from rw_ekf.c_code.c_library import CompilerError
 from rw_ekf.compiled import Kernel, source_digest
+from tests.c_code.modules import load
 
 TRIPLE = "def gain(x: float) -> float:\n    return 3.0 * x\n"
 CALLER = "import {physics}\n\n\ndef law(x: float) -> float:\n    return {physics}.gain(x)\n"
@@ -33,19 +33,6 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     before = Kernel.interpreting
     yield tmp_path
     Kernel.interpreting = before
-
-
-def load(folder: Path, name: str, source: str) -> ModuleType:
-    """Write a module and import it afresh."""
-    path = folder / f"{name}.py"
-    path.write_text(source, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_the_digest_follows_the_source_of_every_module(workplace: Path) -> None:

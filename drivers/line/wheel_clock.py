@@ -183,4 +183,4 @@ class WheelClock:
             same = (1.0 - SAME_RATE) * least_s <= total_s <= (1.0 + SAME_RATE) * most_s
             self._nominal, self._fixed = 1.0 if same else total_s / passed_s, True
         if passed_s > RATE_AFTER_S and self.believed:
-            self.rate = (time_s - self._began[0]) / passed_s
+            self.rate = self._rate_so_far

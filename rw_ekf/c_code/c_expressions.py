@@ -110,10 +110,6 @@ class Scope:
         self.most: dict[str, int] = {}  # largest value of each counter of a loop
         self.used: set[str] = set()
 
-    def real(self, node: ast.expr, to: Type = REAL) -> str:
-        """An expression as a number of a type."""
-        return self.program.convert(self.value(node), to).code
-
     def fail(self, node: ast.AST, why: str) -> NotPrintableError:
         """The error that names the place."""
         return NotPrintableError(f"{self.function.__module__}.{self.function.__qualname__}: {why}: {ast.unparse(node)}")

@@ -29,6 +29,7 @@ from rw_ekf.c_code.c_types import (
     is_constant_structure,
     number,
 )
+from rw_ekf.c_code.packing import is_sized
 from rw_ekf.c_code.python_source import comment_of_constant, comments_of_members, origin_of
 
 _BUILTINS = {
@@ -117,7 +118,7 @@ class Names:
     def type_of(self, example: Any) -> Type:
         """The type of something that is pointed to, or of numbers; raises NotPrintableError for what has no C."""
         if isinstance(example, np.ndarray):
-            if self.sizes_known and example.size and example.dtype == np.float64:
+            if is_sized(example, self.sizes_known):
                 return Array(REAL, example.shape, elsewhere=True)
             stored = {"f8": "double", "i8": "int64_t", "i4": "int32_t", "i1": "int8_t", "b1": "bool"}
             found = View(_ITEMS[example.dtype.kind], stored[example.dtype.str[1:]], example.ndim)

@@ -81,7 +81,7 @@ class Program(Names):
         self.bounded = bounded
         self.cost = 0
         self.functions: list[Printed] = []
-        self.entries: list[Printed] = []  # that are called from without, though they are no public functions
+        self.entries: list[Printed] = []  # that are called from without
         self._bounds, self._whiles = bounds, whiles
         self._instead = {} if instead is None else instead
         self._settled = (None, INT, BOOL) if by_flags else (None, INT)  # types of arguments that need no parameter
@@ -113,7 +113,7 @@ class Program(Names):
 
     def entry(self, function: Callable[..., Any], name: str, arguments: list[Value]) -> Printed:
         """A function that others call, under a name."""
-        found, _ = self._for_call(function, arguments, {})
+        found, _ = self.entry_of(function, arguments)
         found.name, found.public = name, True
         return found
 
@@ -219,7 +219,7 @@ class Program(Names):
 
     def reached(self) -> list[Printed]:
         """The functions that are called from without, and those that they call; each behind those that it calls."""
-        ahead = [*self.entries, *(found for found in self.functions if found.public)]
+        ahead = [*self.entries]
         names: set[int] = set()
         while ahead:
             found = ahead.pop()

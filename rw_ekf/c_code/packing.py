@@ -76,8 +76,8 @@ class Result:
         return self._kind(*found) if hasattr(self._kind, "_fields") else found
 
 
-def _is_sized(array: np.ndarray[Any, Any], sizes_known: bool) -> bool:
-    """Whether only its address is handed over."""
+def is_sized(array: np.ndarray[Any, Any], sizes_known: bool) -> bool:
+    """Whether an array of an example has its size in every call, so that only its address is handed over."""
     return sizes_known and array.size > 0 and array.dtype == np.float64
 
 
@@ -86,7 +86,7 @@ def _format_of(value: Any, sizes_known: bool) -> str:
     if value is None:
         return ""
     if isinstance(value, np.ndarray):
-        return "P" if _is_sized(value, sizes_known) else "0P" + "P" + "l" * value.ndim + "0P"
+        return "P" if is_sized(value, sizes_known) else "0P" + "P" + "l" * value.ndim + "0P"
     if isinstance(value, tuple):
         signs = "".join(_format_of(part, sizes_known) for part in value)
         aligned = f"0{next(sign for sign in _WIDEST_FIRST if sign in signs)}"
@@ -99,7 +99,7 @@ def _places_of(value: Any, path: str, rows: list[_Row], sizes_known: bool) -> li
     if value is None:
         return []
     if isinstance(value, np.ndarray):
-        rows.append(_Row(value.dtype.char, value.ndim, value.shape if _is_sized(value, sizes_known) else ()))
+        rows.append(_Row(value.dtype.char, value.ndim, value.shape if is_sized(value, sizes_known) else ()))
         return [f"*rows[{len(rows) - 1}]({path})"]
     if isinstance(value, tuple):
         parts = [_places_of(part, f"{path}[{i}]", rows, sizes_known) for i, part in enumerate(value)]

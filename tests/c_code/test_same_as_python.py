@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import random
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,24 +12,12 @@ import pytest
 
 from rw_ekf.c_code import c_library
 from rw_ekf.compiled import Kernel
+from tests.c_code.modules import load
 
 REALS, WHOLE, FLAGS = ("a", "b", "c"), ("i", "j"), ("on", "off")
 OF_ONE = ("math.exp", "math.log1p", "math.sqrt", "math.sin", "math.tanh", "math.floor", "math.erf", "abs", "-", "float")
 OF_TWO = ("math.atan2", "math.copysign", "math.fmod", "min", "max")
 EXPRESSIONS, INPUTS = 120, 400
-
-
-def module_of(folder: Path, name: str, source: str) -> ModuleType:
-    """A module of that source."""
-    path = folder / f"{name}.py"
-    path.write_text(source, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def real(draw: random.Random, depth: int) -> str:
@@ -97,7 +82,7 @@ def test_random_expressions_have_python_s_bits(seed: int, tmp_path: Path, monkey
     texts = [real(draw, 4) for _ in range(EXPRESSIONS)] + [whole(draw, 3) for _ in range(EXPRESSIONS // 4)]
     head = "def law(a: float, b: float, c: float, i: int, j: int, on: bool, off: bool, out) -> None:\n"
     lines = "".join(f"    out[{k}] = {text}\n" for k, text in enumerate(texts))
-    module = module_of(tmp_path, f"printed_law_{seed}", "import math\n\n\n" + head + lines)
+    module = load(tmp_path, f"printed_law_{seed}", "import math\n\n\n" + head + lines)
     law = Kernel(module.law, [module], lambda: (0.0, 0.0, 0.0, 0, 0, False, False, np.zeros(0)))
     law.compile()
     compared = 0
