@@ -9,6 +9,7 @@ from rw_ekf.c_code.c_stores import Stores, assigned_names
 from rw_ekf.c_code.c_types import INT, UNARY, Value, wider
 
 _ENDS = (ast.Return, ast.Break, ast.Continue)
+_WRITTEN_OUT = 8  # rounds of a loop; gcc alone does not write out two loops over a matrix: a pass took a tenth longer
 
 
 class Body(Stores):
@@ -135,6 +136,8 @@ class Body(Stores):
             limit = self._most(call.args[-1 if len(parts) == 1 else 1])
             most = None if limit is None else limit - 1
             times = limit
+        if times is not None and times <= _WRITTEN_OUT and not self.program.bounded:
+            self._line(f"#pragma GCC unroll {_WRITTEN_OUT}")
         if times is None:
             times = self.program.bound_of(ast.unparse(call.args[1 if len(parts) > 1 else 0]))
             if times is None and self.wanted is None:

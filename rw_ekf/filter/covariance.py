@@ -51,10 +51,11 @@ def update_joseph(x: Any, P: Any, innovation: float, S: float, R: float, work: A
         work[i] = P[i, SPEED] * per_S
         x[i] += work[i] * innovation
     for i in range(n - 1, -1, -1):  # downward: row and column of the speed are still the old ones when they are read
+        gain = work[i]
+        open_i0 = P[i, SPEED] - gain * P[SPEED, SPEED]
+        noise = gain * R
         for j in range(i, -1, -1):
-            open_ij = P[i, j] - work[i] * P[SPEED, j]
-            open_i0 = P[i, SPEED] - work[i] * P[SPEED, SPEED]
-            value = open_ij - open_i0 * work[j] + work[i] * R * work[j]
+            value = P[i, j] - gain * P[SPEED, j] - open_i0 * work[j] + noise * work[j]
             P[i, j] = value
             P[j, i] = value
 
