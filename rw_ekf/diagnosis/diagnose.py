@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.checks.confirmation import better_known
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
@@ -16,7 +16,6 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
-from rw_ekf.diagnosis.thresholds import BLIND
 from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA
 from rw_ekf.diagnosis.verdict.verdict import Verdict
@@ -99,10 +98,7 @@ def richer_part(prepared: Prepared) -> Prepared:
         return prepared.exchanged()
     here, there = (information(prepared.base, part, prepared.facts) for part in (prepared.fit_part, prepared.heldout))
     ratios = [math.log(there[name] / here[name]) for name in here if here[name] > 0.0 < there[name]]
-    richer = prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared
-    if for_want_of_knowledge(richer, prepared.base) < BLIND:
-        return richer
-    return min(richer, richer.exchanged(), key=lambda way: for_want_of_knowledge(way, prepared.base))
+    return better_known(prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared, prepared.base)
 
 
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:

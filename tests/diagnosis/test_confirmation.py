@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -42,3 +43,66 @@ def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> Non
     said = refusal(monkeypatch, free_run_rms_rpm=0.4, horizon_20s_rms_rpm=1.8)
     assert said is not None
     assert "20 s ahead grows by 20 %" in said
+
+
+@pytest.mark.parametrize(("blind", "refused"), [(1.0, True), (0.0, False)])
+def test_where_no_part_can_tell_a_figure_that_grows_still_refuses(
+    monkeypatch: pytest.MonkeyPatch, blind: float, refused: bool
+) -> None:
+    """A bristle beyond doubt on the whole record, one-step error 1.0 -> 1.9: no model is written that makes it worse.
+
+    Of two parts that can tell one that finds it better is enough.
+    """
+
+    class Way:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def exchanged(self) -> Way:
+            return Way("other")
+
+    class More:
+        def without(self, _: str) -> str:
+            return "less"
+
+    more: Any = More()
+    way: Any = Way("own")
+    grown = {"own": 1.9, "other": 0.9}
+    nothing: Any = None
+
+    def figures(prepared: Way, fit: object) -> Performance:
+        after = {} if fit == "less" else {"one_step_rms_rpm": grown[prepared.name]}
+        return Performance({**BEFORE, **after}, nothing, np.zeros(0))
+
+    monkeypatch.setattr(confirmation, "performance", figures)
+    monkeypatch.setattr(confirmation, "better_known", lambda prepared, _: prepared)
+    monkeypatch.setattr(confirmation, "for_want_of_knowledge", lambda *_: blind)
+    monkeypatch.setattr(confirmation, "knows_size", lambda *_: True)
+    worse, unjudged = confirmation.veto(way, more, "presliding_hysteresis", 1.0e-30)
+    assert (worse is not None) is refused
+    assert unjudged is refused
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "kind", "chosen"),
+    [(0.02, 0.001, "blocks", "own"), (0.66, 0.07, "blocks", "other"), (0.07, 0.66, "blocks", "own"),
+     (0.66, 0.07, "halves", "own")],
+)  # fmt: skip
+def test_numbers_come_from_the_part_that_knows_them(
+    monkeypatch: pytest.MonkeyPatch, own: float, other: float, kind: str, chosen: str
+) -> None:
+    """The other part is fitted where it knows a model better and the own not well enough; halves stay as they are."""
+
+    class Way:
+        def __init__(self, name: str) -> None:
+            self.name = name
+            self.split = SimpleNamespace(kind=kind)
+
+        def exchanged(self) -> Way:
+            return Way("other")
+
+    fit: Any = None
+    way: Any = Way("own")
+    monkeypatch.setattr(confirmation, "for_want_of_knowledge", lambda way, _: {"own": own, "other": other}[way.name])
+    found: Any = confirmation.better_known(way, fit)
+    assert found.name == chosen

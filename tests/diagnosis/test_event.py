@@ -18,7 +18,8 @@ from rw_ekf.diagnosis.checks.cross_fit import (
 )
 from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself, percent_gained
 from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance
-from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.hypotheses import event
+from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.thresholds import MOST_DISPUTED
 from rw_ekf.drivers.sim.plant_batch import simulate_run
@@ -31,10 +32,14 @@ from tests.diagnosis.simulated import log_of, simulated
 SPIKE, OFFSET = CATALOGUE["drag_spike"], CATALOGUE["offset_torque"]
 
 
+def prepared_with(effect: str) -> Prepared:
+    """A record with an effect at 150 s."""
+    return prepare(source_of([log_of(simulated([effect], seed=5, samples=3000))]), None, None, "blocks")
+
+
 def believed(effect: str, decay_s: float) -> tuple[Fit, Fit]:
     """Base fit of a record with an effect at 150 s, and a fit with a spike there that decays as is believed."""
-    run = simulated([effect], seed=5, samples=3000)
-    base = prepare(source_of([log_of(run)]), None, None, "blocks").base
+    base = prepared_with(effect).base
     return base, base.refitted(
         base.model.with_terms(replace(Term.of(SPIKE, (150.0, decay_s, 0.0), 0.02), settled=True))
     )
@@ -125,3 +130,21 @@ def test_the_expected_excess_is_that_of_wheels_without_torque_noise() -> None:
     error = np.std(beyond) / math.sqrt(len(beyond))
     assert abs(np.mean(beyond) - np.mean(expected)) < 3.0 * error
     assert error < 2.0 * np.mean(expected)
+
+
+def test_of_many_laws_beside_an_event_only_the_likeliest_are_fitted_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside two laws with their aliases an event has fifteen, and an event's fit takes a second."""
+    effect = "drag_spike:amplitude_rad_s2=0.3,onset_s=150,decay_s=4"
+    _, fit = believed(effect, 4.0)
+    asked: list[Fit] = []
+
+    def as_it_was(less: Fit, *_: object) -> Fit:
+        asked.append(less)
+        return fit
+
+    monkeypatch.setattr(event, "may_confound", lambda *_: True)
+    monkeypatch.setattr(event, "_others", lambda model, _: [model] * 14)
+    monkeypatch.setattr(event, "fitted_event", as_it_was)
+    found = event.with_other_laws(fit, SPIKE.id, prepared_with(effect).facts)
+    assert found.model.of(SPIKE.id)
+    assert 1 <= len(asked) <= 3

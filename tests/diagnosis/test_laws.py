@@ -41,6 +41,7 @@ def found_in(name: str) -> Diagnosis:
         ),
         ("pressure, viscous", "pressure_Pa", "viscous_drag"),
         ("current, square", "current_along_motion", "drag"),
+        ("current, halves", "current_size", "torque"),
         ("speed, wave", "speed_size", "drag"),
     ],
 )

@@ -42,16 +42,19 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
     What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
     out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
     hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
-    alone has no say then. A law without a formula has nothing to show for itself but what it predicts.
+    alone has no say then; where that is so of both, figures from the better known numbers refuse as they stand, for a
+    model that is written foretells no worse. A law without a formula has nothing to show for itself but what it
+    predicts.
     """
     less, unjudged = more.without(name), False
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
-        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
+        able = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
+        ways = able or [better_known(prepared, more)]
+        unjudged = not able and _gain(ways[0], less, more) <= REAL_GAIN
         findings = [_worse(way, less, more) for way in ways]
-        worse = findings[-1] if findings and None not in findings else None
-        unjudged = not ways and _gain(prepared, less, more) <= REAL_GAIN
+        worse = None if None in findings else findings[-1]
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse, unjudged
@@ -60,6 +63,13 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
 def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
     """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
     return all(for_want_of_knowledge(way, fit) < BLIND for fit in (less, more))
+
+
+def better_known(prepared: Prepared, fit: Fit) -> Prepared:
+    """The parts' roles so that a model's numbers come from the one that knows them well enough; else better."""
+    if prepared.split.kind == "halves" or for_want_of_knowledge(prepared, fit) < BLIND:
+        return prepared
+    return min(prepared, prepared.exchanged(), key=lambda way: for_want_of_knowledge(way, fit))
 
 
 def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:

@@ -18,6 +18,7 @@ from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 _ZOOMS = 8
 _STARTS, _WORTH_FOLLOWING = 8, 0.3  # places of the bank that are followed, and their share of the strongest at least
 _FITTED = 2  # of those
+_PAIRS = 3  # of an event and a law, that are fitted: beside two laws there are fifteen, which take ten seconds
 
 
 def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> list[Score]:
@@ -83,20 +84,25 @@ def fitted_at(fit: Fit, score: Score, least_gain: float = -math.inf) -> Fit:
 def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
 
-    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew.
+    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew; to an end
+    those that its score makes likeliest.
     """
     if not may_confound(fit, "time", "speed"):
         return fit
-    tried = []
+    scored = []
     for model in [fit.model, *_others(fit.model, facts)]:
         less = fit.refitted(model.without(name))
         score = event_scores(less, [CATALOGUE[name]], facts).get(name)
         if score is not None:
-            tried.append(fitted_event(less, score, facts))
-    if not tried:
-        return fit
-    best = max(tried, key=lambda item: 2.0 * item.likelihood.value - LAW_BESIDE_EVENT * len(item.model.effects.ids))
-    return fit.refitted(best.model.settled(name))
+            scored.append((score.statistic + _twice_log(less), less, score))
+    likeliest = sorted(scored, key=lambda item: -item[0])[:_PAIRS]
+    tried = [fitted_event(less, score, facts) for _, less, score in likeliest]
+    return fit.refitted(max(tried, key=_twice_log).model.settled(name)) if tried else fit
+
+
+def _twice_log(fit: Fit) -> float:
+    """Twice the log of how likely a fit is, less what each effect of it has to be worth."""
+    return 2.0 * fit.likelihood.value - LAW_BESIDE_EVENT * len(fit.model.effects.ids)
 
 
 def _others(model: Model, facts: RecordFacts) -> list[Model]:

@@ -10,6 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.confounding import may_confound
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE, UNNAMED_LOG_ODDS
+from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import slopes_by_torque
 from rw_ekf.model.effect import RecordFacts, Term
@@ -29,7 +30,7 @@ class Ground:
     acts_as: ActsAs
     at: Float64Array  # (n,) the quantity where each interval began
     slope: Float64Array  # (n,) of each prediction by 1 of the law there
-    followed: tuple[int, ...] = (0,)  # powers of the quantity that the parameters, or a constant torque, follow
+    followed: tuple[int, ...] = (0,)  # powers of the quantity that the model follows without a law
     turned: Float64Array | None = None  # (n,) rad within each interval, of a law of the angle
     column: str = ""
     slot: int = 0
@@ -87,14 +88,16 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     viscous = drive * speed
     gain = drive * current * fit.model.parameters.motor_gain
     loss = drive * np.sign(current) * fit.model.parameters.motor_gain
+    # A law that has its mean to itself where nothing follows that makes up for it where the record never was.
+    steady = (0,) if fit.model.of(TORQUE.id) else ()
     yield Ground("speed_size", "drag", np.abs(speed), dry, (0, 1))
-    yield Ground("speed_size", "torque", np.abs(speed), drive)
+    yield Ground("speed_size", "torque", np.abs(speed), drive, steady)
     yield Ground("speed", "drag", speed, dry, (0, 1))
     if facts.top_current_A > 0.0:
         yield Ground("speed_size", "motor_gain", np.abs(speed), gain)
         yield Ground("current_along_motion", "drag", along, dry, (1,))
         yield Ground("current_size", "motor_gain", np.abs(current), gain)
-        yield Ground("current_size", "torque", np.abs(current), drive)
+        yield Ground("current_size", "torque", np.abs(current), drive, steady)
     if "angle_rad" in facts.channels:
         turned = np.diff(course.angle_rad, prepend=course.angle_rad[:1])
         yield Ground("angle", "torque", begun(course.angle_rad), drive, (), turned)
@@ -114,7 +117,7 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
             yield Ground(quantity, "drag", values, dry, column=name, slot=slot)
         yield Ground(quantity, "viscous_drag", values, viscous, column=name, slot=slot)
         yield Ground(quantity, "windage", values, viscous * np.abs(speed), column=name, slot=slot)
-        yield Ground(quantity, "torque", values, drive, column=name, slot=slot)
+        yield Ground(quantity, "torque", values, drive, steady, column=name, slot=slot)
         if facts.top_current_A > 0.0:
             yield Ground(quantity, "motor_gain", values, gain, column=name, slot=slot)
             if quantity == "time":

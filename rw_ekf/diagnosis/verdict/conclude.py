@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.checks.confirmation import better_known
 from rw_ekf.diagnosis.checks.heldout import Performance, percent_better, performance, performance_read
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
+from rw_ekf.diagnosis.hypotheses.wander import without_walk
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.standing import Decision, Reason
@@ -53,6 +55,8 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
 
 def judgement(found: Found, advance: Advance) -> Judged:
     """Weigh what was found, hold it against the held-out part and the tests of the residual, and name it."""
+    if found.new_ids and found.lattice is None and not found.figured.simulated:
+        found = replace(found, prepared=better_known(found.prepared, without_walk(found.figured)))
     prepared, selection = found.prepared, found.selection
     before = performance(prepared, selection.base)
     after = performance(prepared, found.figured) if found.new_ids else before

@@ -15,6 +15,7 @@ from rw_ekf.diagnosis.hypotheses.other_starts import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS
 from rw_ekf.diagnosis.verdict.reading import readings
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, FittedTerm
@@ -72,7 +73,10 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
         return effect.sentence_of_pieces([item.term for item in terms], walk.rate, facts)
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
-    return "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in terms)
+    text = "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in terms)
+    # A bristle's length and damping do the same where all of its motion is slow: that there is one is known, no more.
+    unsettled = not effect.linear and len(terms) == 1 and not fit.knows(name, LEAST_SIGMAS)
+    return f"{text} (it is missed without it; how large it is, this record does not settle)" if unsettled else text
 
 
 def _as_read(item: FittedTerm) -> str:
