@@ -179,9 +179,11 @@ class Estimator:
             )
         given = self._gatherer.given
         conditions = given.conditions
-        current_A = self._gatherer.current_A(sample.time_s - lateness(values, table))
+        # The belief stands at the last reading that was used: a time that went back does not move it.
+        believed_s = sample.time_s if self._last is None else self._last.time_s
+        current_A = self._gatherer.current_A(believed_s - lateness(values, table))
         warmth, angle, columns = conditions
-        at = Moment(0.0, current_A, warmth, angle, sample.time_s, 0.0, columns)
+        at = Moment(0.0, current_A, warmth, angle, believed_s, 0.0, columns)
         mean, covariance, stribeck = ekf.x.copy(), ekf.P.copy(), self.constants.stribeck
         return Estimate(
             time_s=sample.time_s,
@@ -198,5 +200,5 @@ class Estimator:
             valid=self._validity.step(values[PARAMETERS], stds[PARAMETERS], self.points.shown),
             friction=FrictionTorque(mean, covariance, table, stribeck, at),
             current=partial(current_for, mean, table, stribeck, at) if names else None,
-            ahead=partial(outlook, mean, table, stribeck, given, sample.time_s),
+            ahead=partial(outlook, mean, table, stribeck, given, believed_s),
         )
