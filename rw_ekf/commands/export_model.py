@@ -20,6 +20,7 @@ EXAMPLE = """example:
   rw-ekf export-model --c flight model.yaml && make -C flight test
   rw-ekf export-model --c flight --float model.yaml
   rw-ekf export-model --fmu wheel.fmu --fmi 3 model.yaml
+  rw-ekf export-model --fmu wheel.fmu --platforms linux64,win64 model.yaml
   rw-ekf export-model --matlab wheel.m model.yaml
   rw-ekf export-model --basilisk wheel.json --inertia-kg-m2 1.5e-3 model.yaml"""
 _RATE_HZ = 10.0
@@ -27,6 +28,7 @@ _FASTEST_HZ = 1.0e5
 _OF_ONE = {  # options that belong to some forms alone
     "single": ("--float", ("c",)),
     "fmi": ("--fmi", ("fmu",)),
+    "platforms": ("--platforms", ("fmu",)),
     "inertia_kg_m2": ("--inertia-kg-m2", ("fmu", "basilisk")),
 }
 
@@ -43,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form.add_argument("--basilisk", metavar="F", help="parameters of Basilisk's reaction wheel, F ending in .json")
     parser.add_argument("--float", dest="single", action="store_true", help="single precision; with --c")
     parser.add_argument("--fmi", type=int, choices=(2, 3), help="version of FMI; default 2")
+    parser.add_argument(
+        "--platforms", metavar="P,...", help="with --fmu: that it has libraries for, by ziglang: all, or linux64, win64, "
+        "aarch64-linux and so on; default this machine"
+    )  # fmt: skip
     parser.add_argument(
         "--inertia-kg-m2", type=float, metavar="J", help="of the wheel, for torques; default the model's, or --config's"
     )
@@ -138,15 +144,18 @@ def _as_wheel(
 
 def _as_fmu(args: argparse.Namespace, model: PlantModel) -> tuple[dict[str, Any], str]:
     from rw_ekf.flight.fmu_export import export_fmu
+    from rw_ekf.flight.fmu_libraries import platforms_of
 
-    found = export_fmu(model, Path(args.fmu), args.fmi or 2)
+    version = args.fmi or 2
+    platforms = None if args.platforms is None else platforms_of(args.platforms, version)
+    found = export_fmu(model, Path(args.fmu), version, platforms)
     if found["without_binary"] is not None:
         sys.stderr.write(
             f"warning: {found['without_binary']}: {args.fmu} has C sources and no library; import it where sources are "
             "compiled, or write it again where there is a compiler\n"
         )
     return found, (
-        f"{args.fmu}: FMI {found['fmi']}, co-simulation; {found['binary'] or 'sources alone'}\n"
+        f"{args.fmu}: FMI {found['fmi']}, co-simulation; {', '.join(found['binaries']) or 'sources alone'}\n"
         f"  in: {', '.join(found['inputs'])}; out: {', '.join(found['outputs'])}\n{_listed(found['remarks'])}"
     )
 

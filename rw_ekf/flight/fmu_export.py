@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import html
-import os
-import platform
 import re
-import shutil
-import subprocess
-import tempfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +15,7 @@ from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight import fmu_description as at
 from rw_ekf.flight.fmu_description import Version, build_description, description, variables_of
+from rw_ekf.flight.fmu_libraries import Platform, libraries
 from rw_ekf.flight.plant import plant_of
 from rw_ekf.flight.plant_files import PrintedPlant, plant_header, plant_source, printed_plant
 from rw_ekf.flight.plant_model import PlantModel
@@ -30,42 +27,30 @@ FMU_SCHEMA = "rw_ekf.export_fmu/1"
 _GLUE = Path(__file__).parent / "fmu"
 _WHEEL = ("wheel.c", "instance.c")
 _HEADERS = ("wheel.h", "instance.h", "model.h")
-# (system, machine): folder of FMI 2.0 (None: it has no name for it), of FMI 3.0, how a library's name ends
-_PLATFORMS: dict[tuple[str, str], tuple[str | None, str, str]] = {
-    ("Linux", "x86_64"): ("linux64", "x86_64-linux", ".so"),
-    ("Linux", "aarch64"): (None, "aarch64-linux", ".so"),
-    ("Darwin", "x86_64"): ("darwin64", "x86_64-darwin", ".dylib"),
-    ("Darwin", "arm64"): (None, "aarch64-darwin", ".dylib"),
-}
-_COMPILED = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden"]
-_LONGEST_S = 120.0  # of a compilation, which takes a second or two
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)  # the first that a zip knows: the same model gives the same bytes
 
 
-def export_fmu(model: PlantModel, path: Path, version: Version) -> dict[str, Any]:
+def export_fmu(
+    model: PlantModel, path: Path, version: Version, platforms: Sequence[Platform] | None = None
+) -> dict[str, Any]:
     """Write the FMU; what was written, as `export-model --json` has it.
 
-    Raises BadInputError for a model that cannot be exported, a compiler that fails, or a file that cannot be written.
+    platforms: that it shall have libraries for; None: this machine, where it has a compiler. Raises BadInputError for a
+    model that cannot be exported, a compiler that is missing or fails, or a file that cannot be written.
     """
     identifier = _identifier(path)
     files = sources_of(model, identifier, version)
-    folder, library = _library_place(identifier, version)
-    binary, without = None, None
-    compiler = compiler_of_system()
-    if compiler is None:
-        without = "there is no C compiler (`cc`, or what CC names)"
-    elif folder is None:
-        without = f"FMI {version}.0 has no name for this machine ({platform.system()} {platform.machine()})"
-    else:
-        binary = compiled(files, compiler, version)
+    sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
+    made, without = libraries(sources, (*_WHEEL, f"fmi{version}.c"), identifier, version, platforms)
     with atomic_path(path) as temporary:
-        _zip(temporary, files, None if binary is None else (f"binaries/{folder}/{library}", binary))
+        _zip(temporary, files, made)
     return {
         "schema": FMU_SCHEMA,
         "model": model.name,
         "out": str(path),
         "fmi": f"{version}.0",
-        "binary": None if binary is None else f"binaries/{folder}/{library}",
+        "binary": next(iter(made), None),
+        "binaries": list(made),
         "without_binary": without,
         "inputs": [v.name for v in variables_of(model) if v.causality == "input"],
         "outputs": [v.name for v in variables_of(model) if v.causality == "output"],
@@ -103,42 +88,10 @@ def sources_of(model: PlantModel, identifier: str, version: Version) -> dict[str
     return {"modelDescription.xml": description(model, identifier, token, version, compiled_files), **found}
 
 
-def compiler_of_system() -> list[str] | None:
-    """The command that CC names, else `cc`; None where there is none."""
-    named = (os.environ.get("CC") or "cc").split()  # as make has it: "ccache gcc"
-    return named if named and shutil.which(named[0]) is not None else None
-
-
-def compiled(files: dict[str, str], compiler: list[str], version: Version) -> bytes:
-    """The library. Raises BadInputError with what the compiler says."""
-    named = " ".join(compiler)
-    command = [*compiler, *_COMPILED, *_WHEEL, f"fmi{version}.c", "-o", "wheel.shared", "-lm"]
-    try:
-        with tempfile.TemporaryDirectory() as place:
-            for name, text in files.items():
-                if name.startswith("sources/"):
-                    (Path(place) / Path(name).name).write_text(text, encoding="utf-8")
-            done = subprocess.run(
-                command, cwd=place, capture_output=True, text=True, errors="replace", check=False, timeout=_LONGEST_S
-            )
-            library = Path(place) / "wheel.shared"
-            if done.returncode == 0 and library.exists():
-                return library.read_bytes()
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise BadInputError(f"the compiler {named} did not do its work: {error}: name another with CC") from None
-    said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-    raise BadInputError(f"the compiler {named} failed: {said or 'it says nothing'}: name another with CC")
-
-
 def _identifier(path: Path) -> str:
     """A name that C takes, from that of the file."""
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII) or "wheel"
     return name if not name[0].isdigit() else f"wheel_{name}"
-
-
-def _library_place(identifier: str, version: Version) -> tuple[str | None, str]:
-    of_2, of_3, ends = _PLATFORMS.get((platform.system(), platform.machine()), (None, None, ""))
-    return (of_2 if version == 2 else of_3), f"{identifier}{ends}"
 
 
 def _token(*texts: str) -> str:
@@ -198,8 +151,8 @@ one. Before the start there was no current.</p>
 """
 
 
-def _zip(path: Path, files: dict[str, str], library: tuple[str, bytes] | None) -> None:
-    content = {name: text.encode() for name, text in files.items()} | dict([] if library is None else [library])
+def _zip(path: Path, files: dict[str, str], libraries: dict[str, bytes]) -> None:
+    content = {name: text.encode() for name, text in files.items()} | libraries
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in content.items():
             entry = zipfile.ZipInfo(name, _ZIP_TIME)

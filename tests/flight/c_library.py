@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.c_code.c_library import CompilerError, compiler
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.flight.c_files import Estimator, header, printed, source
@@ -25,6 +26,16 @@ from tests.filter.replay import Columns
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
 EXACT = ["-O2", "-ffp-contract=off", "-fno-tree-loop-distribute-patterns"]
 LIBM = {"exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "floor", "fabs", "copysign"}
+
+
+def _has_compiler() -> bool:
+    try:
+        return bool(compiler())
+    except CompilerError:
+        return False
+
+
+needs_compiler = pytest.mark.skipif(not _has_compiler(), reason="no C compiler on this machine")
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc on this machine")
 
 _HARNESS = """

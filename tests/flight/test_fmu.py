@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -19,19 +20,20 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.fmu_description import Version
-from rw_ekf.flight.fmu_export import compiler_of_system, export_fmu, sources_of
+from rw_ekf.flight.fmu_export import export_fmu, sources_of
+from rw_ekf.flight.fmu_libraries import platforms_of
 from rw_ekf.flight.plant import PAST_MOST
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from tests.filter.effect_replay import in_use
-from tests.flight.c_library import STRICT, same_bits
+from tests.flight.c_library import STRICT, needs_compiler, needs_gcc, same_bits
 from tests.flight.own_formulas import own_effects
 from tests.flight.wheel_runs import COLUMN, STEP_S, Drive, Motion, column_law, followed, rough_drive, wheel_model
 
 fmpy = pytest.importorskip("fmpy")
-pytestmark = pytest.mark.skipif(compiler_of_system() is None, reason="no C compiler on this machine")
+pytestmark = needs_compiler
 
 _NAMES = [effect.id for effect in FORMULAS]
 _LONG = {"long_delay": ("transport_delay", 0.35), "long_window": ("speed_averaging", 0.43)}  # s, several steps
@@ -97,7 +99,7 @@ def _exported(folder: Path, model: PlantModel, version: Version = 2) -> Path:
 
     path = folder / f"wheel{version}.fmu"
     found = export_fmu(model, path, version)
-    assert found["binary"] is not None
+    assert found["binaries"]
     assert validate_fmu(str(path)) == []
     return path
 
@@ -346,7 +348,7 @@ def test_without_a_compiler_there_are_sources_that_others_compile(
     path = tmp_path / "wheel.fmu"
     model = wheel_model()
     found = export_fmu(model, path, version)
-    assert found["binary"] is None
+    assert found["binaries"] == []
     assert "no C compiler" in found["without_binary"]
     monkeypatch.delenv("CC")
     monkeypatch.setenv("PATH", tools)
@@ -365,4 +367,83 @@ def test_a_compiler_that_fails_is_a_sentence(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setenv("CC", "false")
     with pytest.raises(BadInputError, match="failed: it says nothing: name another with CC"):
         export_fmu(wheel_model(), tmp_path / "wheel.fmu", 2)
+    assert list(tmp_path.iterdir()) == []
+
+
+_COMPILER_FOR_ALL = """
+import subprocess, sys
+cc, target, name, *rest = sys.argv[1:]
+assert (cc, target, rest.pop(0)) == ("cc", "-target", "-s")
+status = subprocess.run(["cc", *rest]).returncode
+with open("wheel.shared", "ab") as library:
+    library.write(name.encode())
+sys.exit(status)
+"""
+
+_TARGETS = {
+    "linux64": b"x86_64-linux-gnu.2.17",
+    "win64": b"x86_64-windows-gnu",
+    "darwin64": b"x86_64-macos",
+    "aarch64-linux": b"aarch64-linux-gnu.2.17",
+}
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    ("version", "wanted", "expected"),
+    [
+        (2, "linux64, x86_64-windows", ["linux64/wheel.so", "win64/wheel.dll"]),
+        (2, "all", ["linux64/wheel.so", "win64/wheel.dll", "darwin64/wheel.dylib"]),
+        (3, "aarch64-linux", ["aarch64-linux/wheel.so"]),
+    ],
+)
+def test_libraries_for_other_machines_are_where_fmi_wants_them(
+    version: Version, wanted: str, expected: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each made for its own machine: here by a stand-in for Zig, whose libraries end in what they were asked for."""
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").touch()
+    (tmp_path / "ziglang" / "__main__.py").write_text(_COMPILER_FOR_ALL)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    path = tmp_path / "wheel.fmu"
+    found = export_fmu(wheel_model(), path, version, platforms_of(wanted, version))
+    assert found["binaries"] == [f"binaries/{name}" for name in expected]
+    with zipfile.ZipFile(path) as archive:
+        for name in expected:
+            assert archive.read(f"binaries/{name}").endswith(_TARGETS[name.split("/")[0]])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="no ziglang on this machine")
+def test_zig_makes_a_library_of_each_kind(tmp_path: Path) -> None:
+    """By the first bytes of ELF with its machine, of a PE and of Mach-O with its processor; the same bytes again."""
+    path = tmp_path / "wheel.fmu"
+    begins = []
+    for _ in range(2):
+        found = export_fmu(wheel_model(), path, 3, platforms_of("all", 3))
+        archive = zipfile.ZipFile(path)
+        begins.append({name.split("/")[1]: archive.read(name) for name in found["binaries"]})
+    assert begins[0] == begins[1]
+    held = begins[0]
+    assert held["x86_64-linux"][18:20] == b"\x3e\x00"
+    assert held["aarch64-linux"][18:20] == b"\xb7\x00"
+    assert held["x86_64-windows"][:2] == b"MZ"
+    assert held["x86_64-darwin"][:8] == b"\xcf\xfa\xed\xfe\x07\x00\x00\x01"
+    assert held["aarch64-darwin"][:8] == b"\xcf\xfa\xed\xfe\x0c\x00\x00\x01"
+
+
+def test_a_machine_that_nobody_knows_is_refused() -> None:
+    """By its name, or by a version of FMI that has none for it; and one that no compiler here makes a library for."""
+    with pytest.raises(BadInputError, match="--platforms amiga: give all, or some of x86_64-linux, aarch64-linux"):
+        platforms_of("amiga", 3)
+    with pytest.raises(BadInputError, match=r"FMI 2\.0 has no name for aarch64-linux: give --fmi 3"):
+        platforms_of("win64,aarch64-linux", 2)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ziglang") is not None, reason="ziglang is there")
+def test_without_zig_it_is_said_what_to_install(tmp_path: Path) -> None:
+    """And nothing is written."""
+    with pytest.raises(BadInputError, match=r"takes a compiler for it: pip install \"rw-ekf\[compiler\]\""):
+        export_fmu(wheel_model(), tmp_path / "wheel.fmu", 2, platforms_of("win64", 2))
     assert list(tmp_path.iterdir()) == []
