@@ -46,9 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--float", dest="single", action="store_true", help="single precision; with --c")
     parser.add_argument("--fmi", type=int, choices=(2, 3), help="version of FMI; default 2")
     parser.add_argument(
-        "--platforms", metavar="P,...", help="with --fmu: that it has libraries for, by ziglang: all, or linux64, win64, "
-        "aarch64-linux and so on; default this machine"
-    )  # fmt: skip
+        "--platforms",
+        metavar="P,...",
+        help="with --fmu: that it has libraries for, by ziglang: all, or linux64, win64, aarch64-linux and so on; "
+        "default this machine",
+    )
     parser.add_argument(
         "--inertia-kg-m2", type=float, metavar="J", help="of the wheel, for torques; default the model's, or --config's"
     )

@@ -103,6 +103,8 @@ def _fleet(args: argparse.Namespace) -> int:
         raise UsageError("--out DIR is missing: where the fleet's logs shall be written")
     if args.link is not None:
         raise UsageError("--link is of one wheel: a fleet is written into --out DIR")
+    if args.workers is not None and args.workers < 1:
+        raise UsageError(f"--workers {args.workers}: give 1 or more")
     document = simulate(args.out, wheels=args.wheels, days=args.days, seed=args.seed, workers=args.workers)
     if args.json:
         print_json(document)

@@ -5,6 +5,7 @@ Every worker needs rw_ekf of the same version, and sees logs and results under t
 
 from __future__ import annotations
 
+import re
 import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -26,6 +27,7 @@ DASK_SETTINGS: dict[str, object] = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
+_ADDRESS = re.compile(r"((tcp|tls|wss?)://)?[^\s/]+:\d{1,5}")
 _CONNECTS_WITHIN_S = 10.0
 _MOST_LOSSES = 5  # of one task's result
 
@@ -42,6 +44,8 @@ class DaskExecutor:
         """Connect. Raises BadInputError where nobody answers there."""
         self._address = address
         try:
+            if _ADDRESS.fullmatch(address) is None:  # a client of such a one ends in a traceback, 20 s later
+                raise ValueError("an address is tcp://HOST:PORT")
             self._client = Client(address, set_as_default=False, timeout=_CONNECTS_WITHIN_S)
         except (OSError, ValueError) as error:
             raise BadInputError(

@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -118,8 +118,12 @@ def built_index(directory: Path, known: FleetIndex | None = None, *, keep_gone: 
             logs.append(_fleet_log(root, folder, stem, files, before, stats))
         except ConfigError as error:
             left_out.append(error.findings[0])
-        except (LookupError, OSError) as error:
-            left_out.append(str(error.args[0] if isinstance(error, LookupError) else error))
+        except LookupError as error:
+            left_out.append(str(error.args[0]))
+        except OSError as error:
+            left_out.append(f"{error.filename}: cannot be read ({error.strerror})")
+    logs, copies = _without_copies(logs)
+    left_out += copies
     if keep_gone and known is not None:
         here = {(log.wheel, log.log) for log in logs}
         gone = [log for log in known.logs if (log.wheel, log.log) not in here and not _any_there(root, log.files)]
@@ -183,7 +187,7 @@ def _fleet_log(
     place = folder.relative_to(root).parts
     wheel = _wheel(place, metadata)
     if not wheel:
-        raise LookupError(f"{log}: nothing says whose it is: put it into a folder of the wheel's name")
+        raise LookupError(f"{log}: nothing says whose it is: put it into a folder of the wheel's name, without `=`")
     begins = _begins(place, stem, metadata)
     if begins is None:
         raise LookupError(f"{log}: nothing says when it began: put the date into its name, as in 2026-01-31.csv")
@@ -197,6 +201,20 @@ def _fleet_log(
     per_row = _PLAIN_BYTES if files[0].suffix == FORMS[0] else _PACKED_BYTES
     name = names[0] if len(names) == 1 else str(log.relative_to(root))
     return FleetLog(wheel, name, names, utc_text(begins), content, size, max(size // per_row, 1))
+
+
+def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]]:
+    """Each log once: a copy of one, of the same wheel and time, would count its readings twice. And what is said.
+
+    The shorter name is the log's: who copies a file adds to its name.
+    """
+    kept: dict[tuple[str, str, str], FleetLog] = {}
+    said = []
+    for log in sorted(logs, key=lambda log: (len(log.log), log.log)):
+        first = kept.setdefault((log.wheel, log.begins_utc, log.content), log)
+        if first is not log:
+            said.append(f"{log.log}: is a copy of {first.log}")
+    return list(kept.values()), said
 
 
 def _wheel(place: Iterable[str], metadata: RunMetadata | None) -> str:

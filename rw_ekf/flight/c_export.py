@@ -33,6 +33,7 @@ def export_c(setup: FilterSetup, name: str, folder: Path, period_s: float, *, si
     origin = f"Printed by rw_ekf {__version__} from the model {name}"
     run = recorded(setup, period_s)
     make_folder(folder, "give another folder with --c")
+    _check_replaced(folder)
     texts = (
         header(program, estimator, origin),
         source(program, estimator, origin),
@@ -51,6 +52,13 @@ def export_c(setup: FilterSetup, name: str, folder: Path, period_s: float, *, si
         "precision": "float" if single else "double",
         **memory_of(program, estimator),
     }
+
+
+def _check_replaced(folder: Path) -> None:
+    """Raises BadInputError where a file would be replaced that no export wrote: a Makefile of one's own."""
+    there = [file for file in FILES if (folder / file).exists()]
+    if there and not (folder / FILES[0]).exists():
+        raise BadInputError(f"{folder}: has a {there[0]} that is of no export: give another folder with --c")
 
 
 def _conditions(setup: FilterSetup) -> tuple[str, ...]:

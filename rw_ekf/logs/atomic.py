@@ -32,7 +32,8 @@ def atomic_path(path: str | Path, *, follow: bool = True) -> Iterator[Path]:
         return
     if target.is_dir() and not target.is_symlink():
         raise BadInputError(f"{path}: is a directory: give the name of a file")
-    temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(8)}.tmp{target.suffix}")
+    # Ends as no file of its kind does: who reads all of a folder by their endings, as duckdb does, passes it over.
+    temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(8)}{target.suffix}.tmp")
     try:
         descriptor = os.open(temporary, _NEW, 0o666)
     except (OSError, ValueError) as error:

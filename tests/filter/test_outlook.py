@@ -97,3 +97,20 @@ def test_the_current_for_a_drive_undoes_what_effects_take_from_it(
         current = estimate.current_for_A(drive)
         assert left(current) * estimate.state.motor_gain == pytest.approx(drive, rel=1e-9)
     assert estimate.current_for_A(0.0) == 0.0
+
+
+def test_a_time_that_went_back_leaves_the_forecast_where_the_belief_is() -> None:
+    """Friction, current and outlook with a torque of the time: those of the reading before, not of that time."""
+    effect = Term.of(CATALOGUE["external_torque"], (0.5, 0.0, 0.0), 0.05, 1e-6)
+    values = [*DEFAULT_PRIOR.parameters, *effect.values]
+    belief = Belief.of_known(values, 1e-12 * np.eye(len(values)), 5 + len(effect.values))
+    estimator = Estimator(CONSTANTS, belief.mean, belief.covariance, EffectSet((effect,)))
+    for i in range(5):
+        before = estimator.step(WheelSample(i * PERIOD_S, 5.0))
+        estimator.command_issued(IssuedCommand(0.05, LATE_S))
+    said = estimator.step(WheelSample(0.1, 5.0))
+    assert said.outcome is Outcome.BACKWARD
+    assert said.friction_value_rad_s2(5.0) == before.friction_value_rad_s2(5.0)
+    assert said.current_for_A(1.0) == before.current_for_A(1.0)
+    later = before.outlook().end_rad_s(0.05, PERIOD_S)
+    assert said.outlook().end_rad_s(0.05, PERIOD_S) == pytest.approx(later, abs=1e-2)  # of a command issued since

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import signal
@@ -112,13 +113,16 @@ def test_processes_end_with_the_executor() -> None:
     assert not any(process.is_alive() for process in processes)
 
 
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 def test_no_scheduler_is_bad_input() -> None:
-    """Nobody listens there; and workers are not counted twice."""
+    """Nobody listens there, or it is no address, without a traceback later; and workers are not counted twice."""
     pytest.importorskip("distributed")
     with pytest.raises(BadInputError, match="leave out one"):
         executor_of(2, "tcp://127.0.0.1:1")
-    with pytest.raises(BadInputError, match="no Dask scheduler answers"):
-        executor_of(None, "nonsense://x")
+    for address in ("nonsense", "nonsense://x:1", "tcp://", "", "tcp://127.0.0.1:1"):
+        with pytest.raises(BadInputError, match="no Dask scheduler answers"):
+            executor_of(None, address)
+    gc.collect()  # what is left of a client speaks then
 
 
 def test_the_settings_that_are_advised_are_dask_s() -> None:

@@ -14,6 +14,7 @@ import pytest
 
 import rw_ekf
 from rw_ekf.cli import main
+from rw_ekf.logs.atomic import atomic_path
 from tests.contract import check_document
 
 pytestmark = pytest.mark.xdist_group("fleet")
@@ -104,9 +105,17 @@ def test_the_page_stands_alone_and_leads_to_every_wheel(fleet: Path) -> None:
 
 
 def test_pyarrow_and_duckdb_read_the_results(fleet: Path) -> None:
-    """As docs/fleet.md shows: wheel and day are columns."""
+    """As docs/fleet.md shows: wheel and day are columns; also while a worker writes another."""
     duckdb = pytest.importorskip("duckdb")
     results = fleet / "fleet" / "results"
+    part = next(results.glob("*/*/*.parquet"))
+    with atomic_path(part.with_name("part-new.parquet")) as half:
+        half.write_bytes(part.read_bytes()[:100])
+        _are_read(duckdb, results)
+    part.with_name("part-new.parquet").unlink()
+
+
+def _are_read(duckdb: Any, results: Path) -> None:
     table = ds.dataset(results, partitioning="hive").to_table(columns=["wheel", "day", "coulomb", "status"])
     (rows,) = duckdb.sql(
         f"select count(*), count(coulomb) from read_parquet('{results}/*/*/*.parquet', hive_partitioning = true) "
@@ -158,6 +167,7 @@ def test_logs_of_the_daemon_s_kind_are_found_by_metadata(tmp_path: Path, capsys:
         (["fleet", "run", "{}", "--limit", "coulomb=1"], "--limit is asked of"),
         (["fleet", "run", "{}", "--workers", "0"], "give 1 or more"),
         (["simulate", "fleet"], "--out DIR is missing"),
+        (["simulate", "fleet", "--out", "{}/x", "--workers", "0"], "give 1 or more"),
         (["simulate", "fleet", "--out", "{}/x", "--wheels", "0"], "a fleet has 1 to"),
         (["simulate"], "--link PATH is missing"),
         (["simulate", "--link", "{}/tty", "--out", "{}"], "leave it out, or say fleet"),

@@ -166,6 +166,15 @@ def test_logs_that_are_gone_keep_their_results(fleet: Path, reference: dict[str,
     assert sums_of(fleet_folder(fleet)) == reference
 
 
+def test_a_copy_of_a_log_is_not_filtered_twice(fleet: Path, reference: dict[str, str]) -> None:
+    """Under another name in the wheel's folder: it is told, and the results are those without it."""
+    day = fleet / "wheel=W00000" / f"{FIRST_DAY}.parquet"
+    shutil.copy(day, day.with_name(f"{FIRST_DAY}-again.parquet"))
+    done = run_with(InThisProcess(), fleet)
+    assert done.left_out == (f"wheel=W00000/{FIRST_DAY}-again.parquet: is a copy of wheel=W00000/{FIRST_DAY}.parquet",)
+    assert sums_of(fleet_folder(fleet)) == reference
+
+
 def test_a_changed_model_undoes_the_wheels_that_start_from_it(fleet: Path) -> None:
     """One wheel gets a model of its own: its three days are new; the others' stay. Another version of it: once more."""
     run_with(InThisProcess(), fleet)

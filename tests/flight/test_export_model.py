@@ -76,10 +76,13 @@ def of_one_export(name: str, *, slow: bool = True) -> Any:
         "viscous_temperature",
         of_one_export("torque_ripple"),
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("quadratic_drag", "stribeck_shape")),
+        "external_torque",
     ],
 )
 def test_an_export_compiles_strictly_and_passes_its_own_test(name: str, single: bool, tmp_path: Path) -> None:
     """Every warning an error, nothing from outside but libm, and the recorded answers of the estimator."""
+    if single and name == "external_torque":
+        pytest.skip("an effect of the time has no single precision")
     folder = exported(tmp_path, name, single=single)
     assert sorted(path.name for path in folder.iterdir()) == _FILES
     gcc(folder, *STRICT, *EXACT, "-c", "rw_ekf.c")
@@ -156,6 +159,20 @@ def test_the_document_tells_what_was_written(tmp_path: Path, capsys: pytest.Capt
     assert document["precision"] == "double"
     assert 0 < document["estimator_bytes"] < 4096
     assert document["statements_at_most"] > 0
+
+
+def test_a_file_of_ones_own_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder with a Makefile and no export is refused; an export itself is written anew."""
+    model = str(model_file(tmp_path))
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "Makefile").write_text("all:\n")
+    assert main(["export-model", "--c", str(mine), model]) == 2
+    assert "has a Makefile that is of no export" in capsys.readouterr().err
+    assert [path.name for path in mine.iterdir()] == ["Makefile"]
+    assert main(["export-model", "--c", str(tmp_path / "c"), model]) == 0
+    assert main(["export-model", "--c", str(tmp_path / "c"), model, "--float"]) == 0
+    assert "typedef float rw_real" in (tmp_path / "c" / "rw_ekf.h").read_text()
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_the_temporary_name_is_not_the_same_twice_and_never_opened(
     victim = tmp_path / "victim"
     victim.write_text("precious")
     monkeypatch.setattr(secrets, "token_hex", lambda n: "guessed")
-    (tmp_path / ".out.guessed.tmp.csv").symlink_to(victim)
+    (tmp_path / ".out.guessed.csv.tmp").symlink_to(victim)
     with pytest.raises(BadInputError, match="cannot be written"):
         write_text(tmp_path / "out.csv", "new")
     assert victim.read_text() == "precious"
