@@ -17,7 +17,11 @@ def ask_for_one_thread() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """While this lasts, in a process that is somebody else's."""
+    """While this lasts, in a process that is somebody else's.
+
+    What is loaded later would have all its threads: numpy and scipy bring a library of linear algebra each.
+    """
+    import scipy.linalg  # noqa: F401
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="blas"):

@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from types import ModuleType
 
+from rw_ekf.one_thread import ask_for_one_thread
 from rw_ekf.parent import die_with_parent
 
 
@@ -36,7 +37,7 @@ def workers(most: int) -> Iterator[ProcessPoolExecutor]:
 def started_pool(count: int) -> ProcessPoolExecutor:
     """A pool whose processes have all been started."""
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin)
     try:
         with _interrupts_held(), _no_main_module():
             for _ in range(count):  # each starts a process, for none is idle yet
@@ -45,6 +46,12 @@ def started_pool(count: int) -> ProcessPoolExecutor:
         kill_pool(pool)
         raise
     return pool
+
+
+def _begin() -> None:
+    """In each process, before anything is loaded that has threads of its own."""
+    die_with_parent()
+    ask_for_one_thread()
 
 
 def kill_pool(pool: ProcessPoolExecutor) -> None:

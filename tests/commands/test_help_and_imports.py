@@ -182,9 +182,23 @@ def test_the_library_leaves_a_program_its_threads() -> None:
         "import numpy, rw_ekf\nfrom threadpoolctl import threadpool_info as info\n"
         "from rw_ekf.one_thread import one_thread\n"
         "def threads(): return [pool['num_threads'] for pool in info() if pool['user_api'] == 'blas']\n"
-        "before = threads()\nwith one_thread(): assert set(threads()) <= {1}\nassert threads() == before"
+        "with one_thread():\n import scipy.linalg\n assert set(threads()) == {1}\n"  # whoever loads it, and when
+        "before = threads()\nwith one_thread(): assert set(threads()) == {1}\nassert threads() == before"
     )
-    subprocess.run([sys.executable, "-c", probe], cwd=ROOT, check=True)
+    subprocess.run([sys.executable, "-c", probe], cwd=ROOT, check=True, env=_without_threads())
+    pool = (
+        "from rw_ekf.worker_pool import workers\nimport os\n"
+        "with workers(1) as pool: print(pool.submit(os.getenv, 'OPENBLAS_NUM_THREADS').result())\n"
+        "print(os.getenv('OPENBLAS_NUM_THREADS'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", pool], cwd=ROOT, check=True, capture_output=True, text=True, env=_without_threads()
+    )
+    assert done.stdout.split() == ["1", "None"]  # of a process of its own, and of the program's
+
+
+def _without_threads() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
 
 
 def test_help_and_check_config_import_nothing_heavy(tmp_path: Path) -> None:
