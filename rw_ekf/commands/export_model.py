@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.commands.inputs import add_config_option, read_configuration, read_wheel_model
 
 if TYPE_CHECKING:
+    from rw_ekf.flight.fmu_description import Version
     from rw_ekf.flight.plant_model import PlantModel
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.starting_point import FilterSetup
@@ -148,7 +149,7 @@ def _as_fmu(args: argparse.Namespace, model: PlantModel) -> tuple[dict[str, Any]
     from rw_ekf.flight.fmu_export import export_fmu
     from rw_ekf.flight.fmu_libraries import platforms_of
 
-    version = args.fmi or 2
+    version: Version = args.fmi or 2
     platforms = None if args.platforms is None else platforms_of(args.platforms, version)
     found = export_fmu(model, Path(args.fmu), version, platforms)
     if found["without_binary"] is not None:
