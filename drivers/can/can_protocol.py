@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 class CanProtocol(RegisterProtocol):
     """A WheelProtocol over such a map."""
 
+    undescribed = (
+        "a CAN map's messages are those of its DBC, or of `messages` in it: give that to the ground system as it is"
+    )
+
     wire_map: CanMap
 
     @property

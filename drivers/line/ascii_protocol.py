@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 class AsciiProtocol(RegisterProtocol):
     """A WheelProtocol over such a map."""
 
+    undescribed = "lines of text have no fields of a fixed size, so its requests and replies are what there is to give"
+
     wire_map: AsciiMap
 
     @property

@@ -206,6 +206,8 @@ class NspMap(WireMap):
 class NspProtocol(AddressedRegisterProtocol):
     """A WheelProtocol over such a map."""
 
+    undescribed = "what a reply of NSP holds is known to the driver, and not written down for others yet"
+
     wire_map: NspMap
     _address_key = "wheel_address"
 

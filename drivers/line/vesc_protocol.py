@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 class VescProtocol(RegisterProtocol):
     """A WheelProtocol over such a map."""
 
+    undescribed = (
+        "what a reply of a VESC holds is chosen by the mask of its request, and its packets are those of its "
+        "firmware: give the ground system the map as it is"
+    )
+
     wire_map: VescMap
 
     @property

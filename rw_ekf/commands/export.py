@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rw_ekf.driver import WheelProtocol
 
 HELP = "convert a log: CSV, Parquet, MATLAB; a wire map: XTCE, COSMOS"
 EXAMPLE = """example:
@@ -51,22 +55,10 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-# Why the packets of other families than that of registers are not written down, and what there is instead.
-_OF_FAMILIES = {
-    "nsp": "what a reply of NSP holds is known to the driver, and not written down for others yet",
-    "can": "a CAN map's messages are those of its DBC, or of `messages` in it: give that to the ground system as it is",
-    "ascii": "lines of text have no fields of a fixed size, so its requests and replies are what there is to give",
-}
-
-
-def _why_not(name: str) -> str:
-    """What is so of a map that is none of registers."""
-    from rw_ekf.checking.yaml_loader import load_yaml
-    from rw_ekf.settings.resources import protocol_path
-
-    family = str(load_yaml(protocol_path(name)).data["family"])
-    why = _OF_FAMILIES.get(family)
-    text = f"XTCE and COSMOS are written of wire maps of registers alone, and this one is of the family {family}"
+def _why_not(protocol: WheelProtocol) -> str:
+    """What is so of a map whose packets are not written down; a family of somebody else's need not say."""
+    why = getattr(protocol, "undescribed", None)
+    text = "XTCE and COSMOS are written of wire maps of registers alone, and this one is of another family"
     return f"{text}; {why} (docs/wire-protocol.md#for-ground-systems)" if why else text
 
 
@@ -86,7 +78,7 @@ def _export_map(args: argparse.Namespace) -> int:
     refuse_to_overwrite([args.out], [args.log])
     protocol = load_protocol(args.log)
     if not isinstance(protocol, DescribedProtocol):
-        raise BadInputError(f"{args.log}: {_why_not(args.log)}")
+        raise BadInputError(f"{args.log}: {_why_not(protocol)}")
     counts = Counter((packet.is_command, packet.name) for packet in protocol.packets)
     twice = next((name for (_, name), count in counts.items() if count > 1), None)
     if twice is not None:

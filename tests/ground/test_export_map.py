@@ -10,14 +10,17 @@ from typing import Any
 
 import pytest
 
+from rw_ekf.attach.wire import load_protocol
 from rw_ekf.cli import main
+from rw_ekf.driver import DescribedProtocol
 from rw_ekf.drivers.line.framing import Frame, crc16, decode, encode
 from rw_ekf.drivers.line.registers import decode_register, encode_register
 from rw_ekf.drivers.line.wire_layout import UNITS
 from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.protocols import FAMILIES as PLACES
 from rw_ekf.settings.resources import config_resource
 from tests.contract import check_document
-from tests.live.bench import served_wheel, wire_map_of
+from tests.live.bench import FAMILIES, served_wheel, wire_map_of
 
 OWN_MAP = """
 name: big
@@ -226,7 +229,8 @@ def test_what_has_no_such_packets_or_no_map_is_bad_input(tmp_path: Path, capsys:
     """A family that is not described, and why; no such name; the map itself in the way: one sentence, status 2."""
     out = str(tmp_path / "wheel.xml")
     for name, said in (
-        ("nsp-wheel", "NSP holds is known to the driver"), ("can-wheel", "its DBC"), ("ascii-wheel", "lines of text")
+        ("nsp-wheel", "NSP holds is known to the driver"), ("can-wheel", "its DBC"), ("ascii-wheel", "lines of text"),
+        ("vesc-wheel", "the mask of its request"),
     ):  # fmt: skip
         assert main(["export", name, out]) == 2
         told = capsys.readouterr().err
@@ -238,6 +242,14 @@ def test_what_has_no_such_packets_or_no_map_is_bad_input(tmp_path: Path, capsys:
     own.write_text(config_resource("sunspace-wheel").read_text())
     assert main(["export", str(own), str(own)]) == 2
     assert not Path(out).exists()
+
+
+def test_every_family_is_described_or_says_why_not() -> None:
+    """Of each family that ships: packets, or the sentence that `export` answers with."""
+    named = [load_protocol(name) for name in FAMILIES]
+    assert {type(protocol).__module__ for protocol in named} == {place.split(":")[0] for place in PLACES.values()}
+    for protocol in named:
+        assert isinstance(protocol, DescribedProtocol) != bool(getattr(protocol, "undescribed", None))
 
 
 def test_registers_whose_packets_would_have_one_name_are_refused(

@@ -1,10 +1,11 @@
 """One field of telemetry lies, with a good checksum: what is written all the same, and how fast the wheel truly gets.
 
-python -m tools.measure.liar [--draws 1000] [--seed 1] [--table]
+python -m tools.measure.liar [--draws 1000] [--seed 1] [--family nsp-wheel]
 
-Each draw is a run of the real daemon over the real serial driver on a virtual clock: a wheel near the built-in prior, a
-profile, a limit, and a liar: one field of the cycle, a kind of lie, from the start or from some time on. Counted are
-writes outside [zero, what was written last, what was asked for], and T / L, the largest true speed over the limit.
+Each draw is a run of the real daemon over the real serial driver on a virtual clock: a wheel near the prior, a
+profile, a limit, and a liar: one field that the wheel tells, a kind of lie, from the start or from some time on.
+Counted are writes outside [zero, what was written last, what was asked for], and T / L, the largest true speed over
+the limit.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 import random
+import struct
 import tempfile
 from collections import Counter, deque
 from collections.abc import Callable
@@ -24,18 +26,15 @@ from typing import Any
 import yaml
 from tqdm import tqdm
 
-from rw_ekf.attach.wire import checked_protocol
-from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.attach.wire import checked_protocol, load_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.drivers.line.framing import Frame
-from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register
-from rw_ekf.drivers.line.wire_layout import Register
-from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
-from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.register_server import OK, RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live import guard
@@ -44,9 +43,17 @@ from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import RunState
 from rw_ekf.settings.load import load_configuration
-from rw_ekf.settings.resources import protocol_path
 from rw_ekf.units import RAD_S_PER_RPM
 
+FAMILIES = {  # each way of being told a current that ships, and a usual gain [rad/s^2 per A, or per N m]
+    "sunspace-wheel": 15.205,
+    "nsp-wheel": 15.205,
+    "nsp-wheel-torque": 40000.0,
+    "can-wheel": 15.205,
+    "ascii-wheel": 15.205,
+    "odrive-ascii-wheel": 100.0,
+    "vesc-wheel": 15.205,
+}
 FIELDS = ("speed", "speed", "speed", "current", "current_command", "temperature", "pressure", "bus_voltage", "uptime")
 HONEST = "nobody"
 KINDS = ("constant", "hum", "bit", "scale", "shift", "wrap", "lag", "wild", "end", "flip", "drift")
@@ -71,6 +78,12 @@ class Draw:
     coulomb: float
     lasts_s: float = 45.0
     acts: bool = True  # False: writes are acknowledged and not acted on, from begins_s on
+    family: str = "sunspace-wheel"
+
+    @property
+    def per_ampere(self) -> float:
+        """Units of this family's command for an ampere of the usual wheel: 1, or N m."""
+        return 15.205 / FAMILIES[self.family]
 
 
 @dataclass(frozen=True)
@@ -92,9 +105,9 @@ class Told:
         return self.confirmed and abs(self.current_at_end_A) > _EPSILON_A
 
 
-def draw_of(seed: int, rng: random.Random | None = None) -> Draw:
-    """The draw of a seed."""
-    rng = rng or random.Random(seed)
+def draw_of(seed: int, family: str = "sunspace-wheel") -> Draw:
+    """The draw of a seed, of a wheel of that family; one that tells something else than FIELDS lies there too."""
+    rng = random.Random(seed)
     profile: dict[str, Any] = rng.choice(
         (
             {"profile": "steps", "amplitude_A": rng.uniform(0.1, 0.3), "period_s": rng.uniform(20.0, 90.0)},
@@ -105,7 +118,7 @@ def draw_of(seed: int, rng: random.Random | None = None) -> Draw:
     )
     return Draw(
         seed=seed,
-        field=rng.choice(FIELDS),
+        field=rng.choice(fields_of(family)),
         kind=rng.choice(KINDS),
         size=rng.random(),
         begins_s=rng.choice((0.0, rng.uniform(5.0, 35.0))),
@@ -113,17 +126,31 @@ def draw_of(seed: int, rng: random.Random | None = None) -> Draw:
         profile=profile,
         gain=15.205 * rng.uniform(0.8, 1.2),
         coulomb=0.58 * rng.uniform(0.6, 1.4),
+        family=family,
     )
 
 
-def lie_of(draw: Draw, wire_map: WireMap) -> Lie:
+def fields_of(family: str) -> tuple[str, ...]:
+    """What a wheel of a family can lie about, the speed three times as often as anything else."""
+    told = [field.name for field in _told_fields(family)]
+    known = [name for name in FIELDS if name in told]
+    return (*known, *(name for name in dict.fromkeys(told) if name not in known))
+
+
+def _told_fields(family: str) -> list[Field]:
+    protocol: Any = load_protocol(family)
+    return [field for register in protocol.wire_map.readable() for field in register.fields]
+
+
+def lie_of(draw: Draw, field: Field) -> Lie:
     """What the field tells."""
-    field = next(f for f in wire_map.speed_register.fields if f.name == draw.field)
-    rng, count, (low, high) = random.Random(draw.seed + 1), field.si_per_count, field.si_range
-    usual = {"speed": 40.0, "current": 0.3, "current_command": 0.3, "temperature": 40.0}.get(draw.field, 0.3 * high)
+    rng, count, (low, high) = random.Random(draw.seed + 1), _count_of(field), field.si_range
+    current = 0.3 * draw.per_ampere
+    usual = {"speed": 40.0, "current": current, "current_command": current, "temperature": 40.0}.get(
+        draw.field, min(0.3 * high, 1000.0)
+    )
     held: list[float] = []
     past: deque[tuple[float, float]] = deque()
-    bit = 1 << int(4 + 11 * draw.size)
     sign = 1.0 if rng.random() < 0.5 else -1.0
     share = 0.01 + 0.19 * draw.size
 
@@ -139,7 +166,7 @@ def lie_of(draw: Draw, wire_map: WireMap) -> Lie:
         if draw.kind == "hum":
             return (held[0] if draw.begins_s > 0.0 else 0.0) + rng.gauss(0.0, 0.1 if draw.field == "speed" else count)
         if draw.kind == "bit":
-            return field.to_si((int(field.to_wire(true)) | bit) if sign > 0 else int(field.to_wire(true)) & ~bit)
+            return _with_bit(field, true, draw.size, up=sign > 0)
         if draw.kind == "scale":
             return true * (0.1 + 0.9 * draw.size if sign > 0 else 1.0 + 9.0 * draw.size)
         if draw.kind == "shift":
@@ -160,6 +187,22 @@ def lie_of(draw: Draw, wire_map: WireMap) -> Lie:
     return lie
 
 
+def _count_of(field: Field) -> float:
+    """The least step of a field, where it has one [SI]."""
+    return 1e-6 if field.is_float else field.si_per_count
+
+
+def _with_bit(field: Field, true: float, place: float, *, up: bool) -> float:
+    """The value with one bit of its number stuck; place: which one, in 0 to 1."""
+    number = field.to_wire(true)
+    if field.is_float:
+        bits, bit = struct.unpack("<I", struct.pack("<f", number))[0], 1 << int(16 + 15 * place)
+        (told,) = struct.unpack("<f", struct.pack("<I", bits | bit if up else bits & ~bit))
+        return field.to_si(told)
+    whole, bit = int(number), 1 << int(4 + 11 * place)
+    return field.to_si(whole | bit if up else whole & ~bit)
+
+
 class _Unheard:
     """A logger that nobody reads."""
 
@@ -169,33 +212,37 @@ class _Unheard:
     warning = error = info
 
 
-class LyingServer(RegisterServer):
-    """A wheel one field of whose telemetry lies, and that may acknowledge writes without acting on them."""
+def _let_lie(server: RegisterServer, draw: Draw) -> None:
+    """One field of what it tells lies from now on; or it acknowledges writes without acting on them."""
+    began_s, tell, act = server.plant.time_s, server._telemetry, server._command_current
+    field = next((f for f in _told_fields(draw.family) if f.name == draw.field), None)
+    lie = None if field is None else lie_of(draw, field)
 
-    lie: Lie | None = None
-    field = ""
-    deaf_from_s = math.inf
-    began_s = 0.0
-
-    def _telemetry(self, register: Register) -> dict[str, float]:
-        values = super()._telemetry(register)
-        if self.lie is not None and register is self.wire_map.speed_register and self.field in values:
-            values[self.field] = self.lie(values[self.field], self.plant.time_s - self.began_s)
+    def lying(register: Register) -> dict[str, float]:
+        values = tell(register)
+        if lie is not None and register.field(draw.field):
+            values[draw.field] = lie(values.get(draw.field, 0.0), server.plant.time_s - began_s)
         return values
 
-    def _command_current(self, current_A: float) -> int:
-        if self.plant.time_s - self.began_s >= self.deaf_from_s and current_A != self.command_A:
-            return 0
-        return super()._command_current(current_A)
+    def deaf(current_A: float) -> int:
+        is_so = server.plant.time_s - began_s >= draw.begins_s and current_A != server.command_A
+        return OK if is_so else act(current_A)
+
+    if draw.acts:
+        server._telemetry = lying  # type: ignore[method-assign]
+    else:
+        server._command_current = deaf  # type: ignore[method-assign]
 
 
 def run_draw(draw: Draw, directory: Path) -> Told:
     """Run it."""
-    wire_map = _wire_map()
+    configuration = load_configuration(_configuration(draw, directory))
+    spoken: Any = checked_protocol(configuration)
+    command = spoken.wire_map.current_command
     honest = draw.field == HONEST  # +-50 % in both; else +-20 % in gain and +-40 % in friction
     gain = 15.205 + (2.5 if honest else 1.0) * (draw.gain - 15.205)
     coulomb = 0.58 + (1.25 if honest else 1.0) * (draw.coulomb - 0.58)
-    parameters = PlantParameters()._replace(motor_gain=gain, coulomb=coulomb, static=1.05 * coulomb)
+    parameters = PlantParameters()._replace(motor_gain=gain / draw.per_ampere, coulomb=coulomb, static=1.05 * coulomb)
     noise, state = PlantNoise(RAD_S_PER_RPM), PlantState(speed_rad_s=0.0)
     plant = PlantRunner(parameters, noise, draw.seed, state, 0.02, compiled_advance)
     written: list[float] = []
@@ -205,20 +252,16 @@ def run_draw(draw: Draw, directory: Path) -> Told:
     def watch(frame: Frame) -> None:
         nonlocal outside, fastest
         fastest = max(fastest, abs(plant.speed_rad_s))
-        if frame.id == wire_map.current_command.id:
-            current = decode_register(wire_map.current_command, frame.data)["current_command"]
+        if frame.id == command.id:
+            current = decode_register(command, frame.data)["current_command"]
             hull = (0.0, written[-1] if written else 0.0, asked[-1])
-            slack = _COUNT_A + _EPSILON_A
+            slack = _COUNT_A * max(draw.per_ampere, 1e-3) + _EPSILON_A
             outside += not min(hull) - slack <= current <= max(hull) + slack
             written.append(current)
 
-    server = LyingServer(wire_map, plant, first_uptime_s=100.0, watch=watch)
-    server.lie, server.field = (lie_of(draw, wire_map) if draw.acts and draw.field != HONEST else None), draw.field
-    server.deaf_from_s = math.inf if draw.acts else draw.begins_s
-    configuration = load_configuration(_configuration(draw, directory))
+    server = spoken.electronics(spoken.wire_map, plant, first_uptime_s=100.0, watch=watch)
+    _let_lie(server, draw)
     clock = VirtualClock()
-    spoken = checked_protocol(configuration)
-    assert isinstance(spoken, RegisterProtocol)
     protocol = VirtualCable(server, clock).carrying(spoken)
     allow: Any = guard.allowed_current
 
@@ -243,27 +286,28 @@ def _told(draw: Draw, writes: int, outside: int, fastest: float, outcome: RunOut
     )
 
 
-def _wire_map() -> WireMap:
-    document = load_yaml(protocol_path("sunspace-wheel"))
-    return wire_map_from_mapping(document.data, document.where)
-
-
 def _configuration(draw: Draw, directory: Path) -> Path:
-    path = directory / "wheel.yaml"
-    content = {
-        "wheel": {"port": str(directory / "wheel")},
-        "limits": {"current_A": 0.3, "speed_rpm": draw.limit_rpm, "silence_s": 0.5},
-        "command": draw.profile,
+    """A torque of another size stands in place of a current in some families."""
+    path, of = directory / "wheel.yaml", draw.per_ampere
+    command = {key: value * of if key.endswith("_A") else value for key, value in draw.profile.items()}
+    content: dict[str, Any] = {
+        "wheel": {"port": str(directory / "wheel"), "protocol": draw.family},
+        "limits": {"current_A": 0.3 * of, "speed_rpm": draw.limit_rpm, "silence_s": 0.5},
+        "command": command,
         "output": {"directory": str(directory / "runs")},
     }
+    if of != 1.0:
+        usual = FAMILIES[draw.family]
+        content["limits"]["slew_A_per_s"] = 5.0 * of
+        content["filter"] = {"prior": {"motor_gain": {"value": usual, "std": 0.3 * usual}}}
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path
 
 
-def told_of(seed: int, **changes: Any) -> Told:
+def told_of(seed: int, family: str = "sunspace-wheel", **changes: Any) -> Told:
     """What the draw of a seed comes to. changes: of its fields."""
     with tempfile.TemporaryDirectory(prefix="rw-ekf-liar-") as name:
-        return run_draw(replace(draw_of(seed), **changes), Path(name))
+        return run_draw(replace(draw_of(seed, family), **changes), Path(name))
 
 
 def main() -> int:
@@ -271,6 +315,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--family", choices=FAMILIES, default="sunspace-wheel")
+    parser.add_argument("--jobs", type=int, help="processes (default: one for each processor)")
     parser.add_argument("--field", help="this field alone")
     parser.add_argument("--kind", help="this kind of lie alone")
     parser.add_argument("--deaf", action="store_true", help="writes acknowledged and not acted on, in place of a lie")
@@ -278,12 +324,13 @@ def main() -> int:
     parser.add_argument("--lasts", type=float, help="so long each [s]")
     parser.add_argument("--worst", type=int, default=8, help="so many of the fastest are listed")
     args = parser.parse_args()
-    changes = {name: value for name, value in (("field", args.field), ("kind", args.kind)) if value is not None}
+    changes: dict[str, Any] = {"family": args.family}
+    changes |= {name: value for name, value in (("field", args.field), ("kind", args.kind)) if value is not None}
     changes |= {"acts": False} if args.deaf else {}
     changes |= {"lasts_s": args.lasts} if args.lasts is not None else {}
     changes |= {"field": HONEST, "kind": "nothing"} if args.healthy else {}
     seeds = range(1000 * args.seed, 1000 * args.seed + args.draws)
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(args.jobs) as pool:
         told = list(tqdm(pool.map(partial(told_of, **changes), seeds, chunksize=4), total=args.draws))
     print_table(told, args.worst)
     return 0
