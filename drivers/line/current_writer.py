@@ -81,10 +81,14 @@ class CurrentWriter:
                 0.0, self._host.monotonic() if done is None else done.received_by_wheel_s, done is not None, by
             )
         zero = self.command(0.0)
+        if zero.acknowledged and zero.reason == TIMEOUT:  # telemetry says another: lost on its way, perhaps
+            zero = self.command(0.0)
         if zero.acknowledged and zero.current_A == 0.0:
             return zero
-        if zero.reason != TIMEOUT:
+        if zero.reason != TIMEOUT or zero.acknowledged:
             for reason, name in _REGISTERS.items():
+                if name == RESET and zero.reason == TIMEOUT:  # a line that loses much is no reason for one
+                    break
                 done = self._let_go(name)
                 if done is not None:
                     return Written(0.0, done.received_by_wheel_s, reason=reason)

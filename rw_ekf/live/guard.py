@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET, WheelDriver
 from rw_ekf.errors import DriverError
-from rw_ekf.live.zero_sight import ZeroSight
+from rw_ekf.live.zero_sight import COURSE, ZeroSight
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm
 
@@ -174,6 +174,8 @@ class CurrentGuard:
         self._written_at_s = clock.monotonic()
         self._speed_rad_s: float | None = None
         self._temperature_degC: float | None = None
+        self._unheeded_since_s: float | None = None
+        self._let_go_again_s = -math.inf  # in the place of a zero that nobody confirms
         self.doubtful = False  # True: the last write was not confirmed; it may be in force or not
 
     def write(self, requested_A: float, sample: WheelSample, hold: str | None = None) -> IssuedCommand:
@@ -195,17 +197,22 @@ class CurrentGuard:
         elif sample.speed_rad_s is not None and not self._brake.works(sample.speed_rad_s, current):
             current, reason = 0.0, BRAKE_ACCELERATES
         self._brake.written(current)
-        self._look(sample, current)
+        self._look(sample, current, held=hold is not None)
         issued = self._send(current)
         if not issued.acknowledged and (current == 0.0 or sample.current_command_A is None):
             issued = self._send(current)
         self._written_at_s = now
-        if current != 0.0 and _is_refused(issued):
-            # The wheel answers that it will not: the old current must not stay in its place.
+        unheeded = self._is_unheeded(issued, now)
+        if current != 0.0 and (_is_refused(issued) or unheeded):
+            # The wheel answers that it will not, or nothing says that it does: the old current must not stay.
             refusal, issued = issued.reason, self._send(0.0)
             reason = refusal or "refused"
         elif current != 0.0 and issued.reason is not None:
             reason = issued.reason
+        if unheeded and not issued.acknowledged and now >= self._let_go_again_s:
+            self._let_go_again_s = now + self.limits.silence_s
+            let_go = self._stop(ZERO_BY_MODE)
+            issued = let_go if let_go.acknowledged else issued
         self.doubtful = not issued.acknowledged
         if not issued.acknowledged:
             return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed")
@@ -220,7 +227,8 @@ class CurrentGuard:
                 # Confirmed or not, the way back up starts from zero.
                 self._previous_A, self._written_at_s = 0.0, self._clock.monotonic()
                 self._brake.written(0.0)
-                self.doubtful = not self._send(0.0).acknowledged
+                issued = self._send(0.0)
+                self.doubtful = not (issued.acknowledged and issued.current_A == 0.0)
                 if not self.doubtful:
                     return True
             except DriverError:
@@ -240,11 +248,13 @@ class CurrentGuard:
                 done = self.zero(within_s) if way == 0 else self._let_go(way)
                 if done and self._is_seen():
                     return True
-                if self._sight.against is None:  # no answer, or no readings: no other register helps that
-                    return False
+                against = self._sight.against or self._sight.goes_on
             except DriverError:
                 return False
-            self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {self._sight.against}")
+            if against is not None:
+                self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {against}")
+            elif done or way > 0:  # no readings, or no answer to anything: no other register helps that
+                return False
         return False
 
     def _allowed(self, requested_A: float, start_A: float, now: float) -> tuple[float, str | None]:
@@ -269,6 +279,14 @@ class CurrentGuard:
             )
         self._is_lowered = share < (1.0 if self._is_lowered else _SAID_BELOW)
 
+    def _is_unheeded(self, issued: IssuedCommand, now: float) -> bool:
+        """Whether for `silence_s` no write was answered, nor borne out by telemetry, though readings come."""
+        if issued.reason != TIMEOUT:
+            self._unheeded_since_s = None
+        elif self._unheeded_since_s is None:
+            self._unheeded_since_s = now
+        return self._unheeded_since_s is not None and now - self._unheeded_since_s > self.limits.silence_s
+
     def _ramp_start_A(self, told_A: float | None) -> float:
         """Where the slew begins: what is in force as telemetry has it, but between zero and what was written last.
 
@@ -277,14 +295,17 @@ class CurrentGuard:
         start = self._previous_A if told_A is None or not math.isfinite(told_A) else told_A
         return min(max(start, min(0.0, self._written_A)), max(0.0, self._written_A))
 
-    def _look(self, sample: WheelSample, current_A: float) -> None:
-        """While nothing but zero is written: whether it is in force. Raises DriverError when the line is lost."""
+    def _look(self, sample: WheelSample, current_A: float, *, held: bool) -> None:
+        """While nothing but zero is written: whether it is in force. Raises DriverError when the line is lost.
+
+        held: nothing else may be. A profile may let a wheel coast that hardly slows down.
+        """
         if current_A != 0.0 or self._written_A != 0.0 or self.doubtful:
             self._sight.begin()
             self._way = 0
             return
         self._sight.add(sample)
-        against = self._sight.against
+        against = self._sight.against or (self._sight.goes_on if held else None)
         if against is not None and self._way + 1 < len(_WAYS):  # each way once: a wheel is not reset for ever
             self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {against}")
             self._way += 1
@@ -299,17 +320,19 @@ class CurrentGuard:
         return self.driver.stop_current(*by)
 
     def _is_seen(self) -> bool:
-        """Whether the readings of the next half second are those of a wheel without a current."""
+        """Whether the next readings are those of a wheel without a current: of half a second, or until it slows."""
         self._sight.begin()
         end = self._clock.monotonic() + _WATCHED_S
-        for _ in range(_MOST_LOOKS):
+        for looks in range(1, COURSE + _MOST_LOOKS + 1):
             sample = self.driver.read(_LOOK_EVERY_S)
             if sample is not None:
                 self._sight.add(sample)
-            if self._clock.monotonic() >= end and self._sight.readings >= _LEAST_LOOKS:
+            enough = self._clock.monotonic() >= end and self._sight.readings >= _LEAST_LOOKS
+            if (enough or looks >= _MOST_LOOKS) and not (self._sight.is_open and self._sight.goes_on is None):
                 break
             self._clock.sleep(_LOOK_EVERY_S)
-        return self._sight.readings >= _LEAST_LOOKS and self._sight.against is None
+        seen = self._sight.against is None and not self._sight.is_open
+        return self._sight.readings >= _LEAST_LOOKS and seen
 
     def _send(self, current_A: float) -> IssuedCommand:
         self._written_A = current_A

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
+from rw_ekf.driver import TIMEOUT
 from rw_ekf.live.guard import BRAKE_ACCELERATES, SafetyLimits, SpeedLimit
 from rw_ekf.live.run_states import RunStates, Turn
 from rw_ekf.live.telemetry import STUCK, TelemetryCheck
@@ -84,7 +85,8 @@ class RunJudge:
         self._longest_s = None if safe_after_s is None else max(safe_after_s, _QUIET_PERIODS * period_s)
         longest_s = max(_SAFE_AFTER_S if safe_after_s is None else safe_after_s, _QUIET_PERIODS * period_s)
         self._refused = Patience(longest_s + _RESEEDS * period_s)
-        self._off, self._unheated = Patience(longest_s), Patience(longest_s)
+        self._off, self._unheeded = Patience(longest_s), Patience(longest_s)
+        self._unheated_s, self._longest_unheated_s = 0.0, longest_s
         self._turned = Patience(_SIGN_WITHIN_S)
         self._known_share = 1.0
         self._hot: deque[bool] = deque(maxlen=_HOT_AMONG)
@@ -136,6 +138,10 @@ class RunJudge:
         self._command_A = command.current_A
         if command.reason == BRAKE_ACCELERATES:
             self._states.latch("above the speed limit the current that should brake the wheel sped it up")
+        if self._unheeded.is_over(command.reason == TIMEOUT, self._period_s):
+            self._states.latch(
+                "the wheel is read but takes no commands: it answers none, and nothing says that one is in force"
+            )
 
     def _follow(self, sample: WheelSample) -> None:
         """Let the charge that was written carry its speed on to this sample."""
@@ -166,7 +172,10 @@ class RunJudge:
         if sample is None:
             return None
         limit = self._limits.temperature_degC
-        if self._unheated.is_over(self._tells_temperature and sample.temperature_degC is None, self._period_s):
+        # A bearing warms in minutes, so that one temperature now and then is enough, on a line that loses many.
+        told = sample.temperature_degC is not None or not self._tells_temperature
+        self._unheated_s = 0.0 if told else self._unheated_s + self._period_s
+        if self._unheated_s > self._longest_unheated_s:
             return (
                 f"no temperature that a wheel can have was read for long: limits.temperature_degC = {limit:g} cannot "
                 "be kept. If the wheel has no such sensor, take the field out of the wire map"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+from pathlib import Path
 
 import pytest
 
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
-from tests.faults.rig import EACH_FAMILY, is_unasked, port_of
+from rw_ekf.records import RunState
+from tests.faults.rig import EACH_FAMILY, LineWheel, is_unasked, port_of
 from tests.live.bench import Bench, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
@@ -103,3 +105,10 @@ def test_the_daemon_whose_output_is_blocked_is_lost_and_comes_back(bench: Bench,
     assert "telemetry_back" in ran.notes.events or "link_back" in ran.notes.events
     assert ran.outcome.zero_confirmed
     assert not ran.outcome.lost
+
+
+def test_a_line_that_loses_one_reply_in_six_tells_the_temperature_often_enough(tmp_path: Path) -> None:
+    """Row 10: a value that is asked last of several is lost in half of all turns; two minutes of that are not SAFE."""
+    wheel = LineWheel(tmp_path, faults="drop/from:15%@10s")
+    told = wheel.run(120.0, command={"confirm_sign": False}).outcome.state
+    assert told.state is not RunState.SAFE, told.reason

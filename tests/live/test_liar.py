@@ -7,7 +7,8 @@ import pytest
 from rw_ekf.clock import VirtualClock
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits, SpeedLimit
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
-from tools.measure.liar import FIELDS, KINDS, told_of
+from tests.live.bench import CONFIRMED_BY_TELEMETRY
+from tools.measure.liar import FAMILIES, FIELDS, KINDS, fields_of, told_of
 
 LIMITS = SafetyLimits(0.6, 0.5, 40.0, 60.0, 0.5)
 MOST = 1.5  # of the limit
@@ -23,6 +24,39 @@ def test_no_lie_moves_the_wheel(field: str) -> None:
             assert told.outside == 0, told
             assert told.speed_over_limit <= MOST, told
             assert not told.is_false_zero, told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", sorted(set(FAMILIES) - {"sunspace-wheel"}))
+def test_no_lie_of_another_family_moves_the_wheel(family: str) -> None:
+    """Each field that it tells, with two kinds of lie each: as of the registers above."""
+    for i, field in enumerate(dict.fromkeys(fields_of(family))):
+        for seed, kind in ((8200 + i, KINDS[i % len(KINDS)]), (8300 + i, KINDS[(i + 4) % len(KINDS)])):
+            told = told_of(seed, family, field=field, kind=kind, lasts_s=30.0)
+            assert told.outside == 0, told
+            assert told.speed_over_limit <= MOST, told
+            assert not told.is_false_zero, told
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+@pytest.mark.parametrize("answers", [False, True])
+def test_a_wheel_that_is_read_but_takes_no_commands_is_let_go_of(family: str, answers: bool) -> None:
+    """From 11 s on no current is taken, answered or not, by 0.2 A beyond 200 rpm: SAFE, in time, and zero by idle.
+
+    Where telemetry bears commands out that is a refusal, behind which zero follows each time: the run may go on.
+    """
+    told = told_of(5001, family, acts=False, answers=answers, lasts_s=30.0)
+    assert told.safe or family in CONFIRMED_BY_TELEMETRY, told
+    assert told.speed_over_limit <= 1.1, told
+    assert told.confirmed, told
+    assert told.current_at_end_A == 0.0, told
+
+
+@pytest.mark.parametrize("seed", [5000, 5013])
+def test_a_wheel_that_tells_no_current_is_not_at_zero_while_it_does_not_slow_down(seed: int) -> None:
+    """It acknowledges every write and keeps what it had: at its own steady speed nothing but that shows it."""
+    told = told_of(seed, "nsp-wheel-torque", acts=False, lasts_s=30.0)
+    assert not told.is_false_zero, told
 
 
 @pytest.mark.parametrize("seed", [7001, 7002, 7003])

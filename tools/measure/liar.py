@@ -79,6 +79,7 @@ class Draw:
     lasts_s: float = 45.0
     acts: bool = True  # False: writes are acknowledged and not acted on, from begins_s on
     family: str = "sunspace-wheel"
+    answers: bool = True  # False: what does not act is not acknowledged either
 
     @property
     def per_ampere(self) -> float:
@@ -214,7 +215,7 @@ class _Unheard:
 
 def _let_lie(server: RegisterServer, draw: Draw) -> None:
     """One field of what it tells lies from now on; or it acknowledges writes without acting on them."""
-    began_s, tell, act = server.plant.time_s, server._telemetry, server._command_current
+    began_s, tell, act, answer = server.plant.time_s, server._telemetry, server._command_current, server._answer
     field = next((f for f in _told_fields(draw.family) if f.name == draw.field), None)
     lie = None if field is None else lie_of(draw, field)
 
@@ -228,7 +229,13 @@ def _let_lie(server: RegisterServer, draw: Draw) -> None:
         is_so = server.plant.time_s - began_s >= draw.begins_s and current_A != server.command_A
         return OK if is_so else act(current_A)
 
-    if draw.acts:
+    def mute(frame: Frame, register: Register | None) -> bytes | None:
+        is_so = register is server.wire_map.current_command and server.plant.time_s - began_s >= draw.begins_s
+        return None if is_so else answer(frame, register)
+
+    if not draw.answers:
+        server._answer = mute  # type: ignore[method-assign]
+    elif draw.acts:
         server._telemetry = lying  # type: ignore[method-assign]
     else:
         server._command_current = deaf  # type: ignore[method-assign]
@@ -320,6 +327,7 @@ def main() -> int:
     parser.add_argument("--field", help="this field alone")
     parser.add_argument("--kind", help="this kind of lie alone")
     parser.add_argument("--deaf", action="store_true", help="writes acknowledged and not acted on, in place of a lie")
+    parser.add_argument("--mute", action="store_true", help="writes neither answered nor acted on, in place of a lie")
     parser.add_argument("--healthy", action="store_true", help="nobody lies; gain and friction +-50 %%")
     parser.add_argument("--lasts", type=float, help="so long each [s]")
     parser.add_argument("--worst", type=int, default=8, help="so many of the fastest are listed")
@@ -327,6 +335,7 @@ def main() -> int:
     changes: dict[str, Any] = {"family": args.family}
     changes |= {name: value for name, value in (("field", args.field), ("kind", args.kind)) if value is not None}
     changes |= {"acts": False} if args.deaf else {}
+    changes |= {"acts": False, "answers": False} if args.mute else {}
     changes |= {"lasts_s": args.lasts} if args.lasts is not None else {}
     changes |= {"field": HONEST, "kind": "nothing"} if args.healthy else {}
     seeds = range(1000 * args.seed, 1000 * args.seed + args.draws)
