@@ -196,23 +196,24 @@ class CurrentGuard:
             current, reason = 0.0, hold
         elif sample.speed_rad_s is not None and not self._brake.works(sample.speed_rad_s, current):
             current, reason = 0.0, BRAKE_ACCELERATES
+        elif self._is_unheeded(now) and current != 0.0:  # whatever it carries, it must not keep
+            current, reason = 0.0, TIMEOUT
         self._brake.written(current)
         self._look(sample, current, held=hold is not None)
         issued = self._send(current)
         if not issued.acknowledged and (current == 0.0 or sample.current_command_A is None):
             issued = self._send(current)
         self._written_at_s = now
-        unheeded = self._is_unheeded(issued, now)
-        if current != 0.0 and (_is_refused(issued) or unheeded):
-            # The wheel answers that it will not, or nothing says that it does: the old current must not stay.
+        self._note_heeded(issued, now)
+        if current != 0.0 and _is_refused(issued):
+            # The wheel answers that it will not: the old current must not stay in its place.
             refusal, issued = issued.reason, self._send(0.0)
             reason = refusal or "refused"
         elif current != 0.0 and issued.reason is not None:
             reason = issued.reason
-        if unheeded and not issued.acknowledged and now >= self._let_go_again_s:
+        if not issued.acknowledged and self._is_unheeded(now) and now >= self._let_go_again_s:
             self._let_go_again_s = now + self.limits.silence_s
-            let_go = self._stop(ZERO_BY_MODE)
-            issued = let_go if let_go.acknowledged else issued
+            self._previous_A = 0.0 if self._stop(ZERO_BY_MODE).acknowledged else self._previous_A
         self.doubtful = not issued.acknowledged
         if not issued.acknowledged:
             return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed")
@@ -279,12 +280,15 @@ class CurrentGuard:
             )
         self._is_lowered = share < (1.0 if self._is_lowered else _SAID_BELOW)
 
-    def _is_unheeded(self, issued: IssuedCommand, now: float) -> bool:
-        """Whether for `silence_s` no write was answered, nor borne out by telemetry, though readings come."""
+    def _note_heeded(self, issued: IssuedCommand, now: float) -> None:
+        """Note whether a write was answered, or borne out by telemetry."""
         if issued.reason != TIMEOUT:
             self._unheeded_since_s = None
         elif self._unheeded_since_s is None:
             self._unheeded_since_s = now
+
+    def _is_unheeded(self, now: float) -> bool:
+        """Whether none was for `silence_s`, though readings come."""
         return self._unheeded_since_s is not None and now - self._unheeded_since_s > self.limits.silence_s
 
     def _ramp_start_A(self, told_A: float | None) -> float:
