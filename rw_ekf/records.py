@@ -44,6 +44,7 @@ class IssuedCommand:
     delay_s: float = 0.0
     acknowledged: bool = True  # False: the wheel did not confirm it; the old current may still hold
     reason: str | None = None  # why it differs from what was asked for ("clamped", "slew", "over_speed", ...)
+    heeded: bool = True  # False: the wheel refuses currents, or nothing says that it takes them
 
 
 @dataclass(frozen=True, slots=True)

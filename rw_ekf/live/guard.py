@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from rw_ekf.clock import Clock
-from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET, WheelDriver
+from rw_ekf.driver import ZERO_BY_MODE, ZERO_BY_RESET, WheelDriver
 from rw_ekf.errors import DriverError
+from rw_ekf.live.heeding import Heeding, is_refused
 from rw_ekf.live.zero_sight import COURSE, ZeroSight
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm
@@ -174,7 +175,7 @@ class CurrentGuard:
         self._written_at_s = clock.monotonic()
         self._speed_rad_s: float | None = None
         self._temperature_degC: float | None = None
-        self._unheeded_since_s: float | None = None
+        self._heeding = Heeding(limits.silence_s)
         self._let_go_again_s = -math.inf  # in the place of a zero that nobody confirms
         self.doubtful = False  # True: the last write was not confirmed; it may be in force or not
 
@@ -196,29 +197,31 @@ class CurrentGuard:
             current, reason = 0.0, hold
         elif sample.speed_rad_s is not None and not self._brake.works(sample.speed_rad_s, current):
             current, reason = 0.0, BRAKE_ACCELERATES
-        elif self._is_unheeded(now) and current != 0.0:  # whatever it carries, it must not keep
-            current, reason = 0.0, TIMEOUT
+        elif current != 0.0 and self._heeding.is_over(now):  # whatever it carries, it must not keep
+            current, reason = 0.0, self._heeding.why
         self._brake.written(current)
         self._look(sample, current, held=hold is not None)
         issued = self._send(current)
         if not issued.acknowledged and (current == 0.0 or sample.current_command_A is None):
             issued = self._send(current)
         self._written_at_s = now
-        self._note_heeded(issued, now)
-        if current != 0.0 and _is_refused(issued):
+        unheeded = self._heeding.is_over(now)
+        self._heeding.note(current, issued, now)
+        heeded = not unheeded and self._heeding.why is None
+        if current != 0.0 and is_refused(issued):
             # The wheel answers that it will not: the old current must not stay in its place.
             refusal, issued = issued.reason, self._send(0.0)
             reason = refusal or "refused"
         elif current != 0.0 and issued.reason is not None:
             reason = issued.reason
-        if not issued.acknowledged and self._is_unheeded(now) and now >= self._let_go_again_s:
+        if not issued.acknowledged and self._heeding.is_over(now) and now >= self._let_go_again_s:
             self._let_go_again_s = now + self.limits.silence_s
             self._previous_A = 0.0 if self._stop(ZERO_BY_MODE).acknowledged else self._previous_A
         self.doubtful = not issued.acknowledged
         if not issued.acknowledged:
-            return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed")
+            return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed", heeded)
         self._previous_A = issued.current_A
-        return IssuedCommand(issued.current_A, issued.delay_s, True, reason)
+        return IssuedCommand(issued.current_A, issued.delay_s, True, reason, heeded)
 
     def zero(self, within_s: float = _CONFIRMED_WITHIN_S) -> bool:
         """Write zero until the wheel confirms it or `within_s` is over; True if confirmed. Never raises."""
@@ -279,17 +282,6 @@ class CurrentGuard:
                 f"the readings may have become smaller, so {share:.0%} of limits.speed_rpm count",
             )
         self._is_lowered = share < (1.0 if self._is_lowered else _SAID_BELOW)
-
-    def _note_heeded(self, issued: IssuedCommand, now: float) -> None:
-        """Note whether a write was answered, or borne out by telemetry."""
-        if issued.reason != TIMEOUT:
-            self._unheeded_since_s = None
-        elif self._unheeded_since_s is None:
-            self._unheeded_since_s = now
-
-    def _is_unheeded(self, now: float) -> bool:
-        """Whether none was for `silence_s`, though readings come."""
-        return self._unheeded_since_s is not None and now - self._unheeded_since_s > self.limits.silence_s
 
     def _ramp_start_A(self, told_A: float | None) -> float:
         """Where the slew begins: what is in force as telemetry has it, but between zero and what was written last.
@@ -382,11 +374,3 @@ def zero_each(
         finally:
             driver.close()
     return [zero_and_close(open_wheel(None), limits, clock, within_s, say) for open_wheel, limits in wheels]
-
-
-def _is_refused(issued: IssuedCommand) -> bool:
-    """Whether the wheel said that it will not have a current, and, as far as is known, has not taken it."""
-    reason = issued.reason
-    if reason is None:
-        return not issued.acknowledged
-    return reason != TIMEOUT and not reason.startswith(ACTED_THOUGH)

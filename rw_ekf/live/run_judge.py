@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from rw_ekf.driver import TIMEOUT
 from rw_ekf.live.guard import BRAKE_ACCELERATES, SafetyLimits, SpeedLimit
 from rw_ekf.live.run_states import RunStates, Turn
 from rw_ekf.live.telemetry import STUCK, TelemetryCheck
@@ -138,9 +137,10 @@ class RunJudge:
         self._command_A = command.current_A
         if command.reason == BRAKE_ACCELERATES:
             self._states.latch("above the speed limit the current that should brake the wheel sped it up")
-        if self._unheeded.is_over(command.reason == TIMEOUT, self._period_s):
+        if self._unheeded.is_over(not command.heeded, self._period_s):
             self._states.latch(
-                "the wheel is read but takes no commands: it answers none, and nothing says that one is in force"
+                f"the wheel is read but takes no commands ({command.reason}): it refuses them or answers none, and "
+                "nothing says that one is in force"
             )
 
     def _follow(self, sample: WheelSample) -> None:
