@@ -242,7 +242,13 @@ class Pane {
     time("innovation, with the band that it should keep to", "rpm", [line("innovation"), ...edges()], () => {
       const std = rpm(E("innovation_std_rad_s"));
       return [E("time_s"), rpm(E("innovation_rad_s")), std.map((v) => (v == null ? null : 2 * v)), std.map((v) => (v == null ? null : -2 * v))];
-    }, { band: [2, 3], legend: (d, i) => `${short(d[1][i])} rpm` });
+    }, { // a spike leaves the chart, as it would leave nothing to be seen of the band; it is whole among the speeds
+      band: [2, 3], legend: (d, i) => `${short(d[1][i])} rpm`,
+      range: (low, high, u) => {
+        const band = (u.data[2] || []).reduce((most, v) => (v > most ? v : most), 0);
+        return band > 0 ? padded(Math.max(low, -4 * band), Math.min(high, 4 * band)) : padded(low, high);
+      },
+    });
     time("NIS, mean of 30; 1 is what it should be", "", [line("NIS")], () => [E("time_s"), running(E("nis"), 30)], { legend: (d, i) => short(d[1][i]), range: (low, high) => [0, Math.max(2, Math.min(high, 40) * 1.1)], level: 1 });
     this.chart(right, "friction over the speed, as it is being learned", "rad/s²", [line("believed"), ...edges(), faint("at the start")], () => this.frictionData(), { band: [2, 3], x: "rpm", lit: true, summary: atTop, legend: (d, i) => `${short(d[1][i])} rad/s² at ${short(d[0][i])} rpm` });
     this.chart(left, "what the model leaves, over the speed", "sigmas", [{ label: "left", stroke: () => colour("--b"), width: 2, points: { show: true, size: 6 } }, ...edges()], () => this.residualMap(), { band: [2, 3], x: "rpm", level: 0, summary: farthest, legend: (d, i) => `${short(d[1][i])} at ${short(d[0][i])} rpm` });
@@ -270,7 +276,7 @@ class Pane {
       width: Math.max(box.clientWidth - 6, 200), height: options.height || 150, padding: [8, 10, 0, 0],
       cursor: { sync: options.time ? { key: `time-${this.run}` } : undefined, drag: { x: Boolean(options.time), y: false, setScale: false } },
       legend: { show: false },
-      scales: { x: { time: false }, y: { range: (u, low, high) => (options.range ? options.range(low, high) : padded(low, high)) } },
+      scales: { x: { time: false }, y: { range: (u, low, high) => (options.range ? options.range(low, high, u) : padded(low, high)) } },
       axes: [{ ...axis, size: 26, ...(options.time ? { splits: (u, i, low, high, step) => round(low, high, step, pane.zero()) } : {}), values: (u, ticks) => ticks.map((t) => (options.time ? clock(t - pane.zero()) : short(t))) }, { ...axis, size: 54, values: (u, ticks) => ticks.map(short) }],
       series: [{}, ...series],
       bands: options.band ? [{ series: options.band, fill: () => colour("--band") }] : [],
