@@ -39,14 +39,15 @@ def _telemetry(within: Element, replies: list[WirePacket]) -> None:
     named: dict[str, WireItem] = {}
     base = _add(containers, "SequenceContainer", name="Reply", abstract="true")
     entries = _add(base, "EntryList")
-    for item in _head(replies[0]):
+    size = _head_size(replies)
+    for item in replies[0].items[:size]:
         named[item.name] = item
         _add(entries, "ParameterRefEntry", parameterRef=item.name)
     for packet in replies:
         container = _add(containers, "SequenceContainer", name=packet.name, shortDescription=packet.meaning)
         entries = _add(container, "EntryList")
-        *_, told_by = head = _head(packet)
-        for item in packet.items[len(head) :]:
+        told_by = packet.items[size - 1]
+        for item in packet.items[size:]:
             parameter = item.name if item.crc is not None else f"{packet.name}_{item.name}"
             named[parameter] = item
             _add(entries, "ParameterRefEntry", parameterRef=parameter)
@@ -130,10 +131,12 @@ def _checksum(within: Element, crc: WireCrc) -> None:
         _add(told, tag).text = f"{value:04X}"
 
 
-def _head(packet: WirePacket) -> tuple[WireItem, ...]:
-    """The items up to the one by which packets are told apart."""
-    last = next(index for index, item in enumerate(packet.items) if item.constant is not None)
-    return packet.items[: last + 1]
+def _head_size(packets: Sequence[WirePacket]) -> int:
+    """How many items there are up to the one by whose constant packets are told apart: an address is that of all."""
+    columns = zip(*(packet.items for packet in packets), strict=False)
+    constants = [[item.constant for item in column] for column in columns]
+    fixed = [index for index, column in enumerate(constants) if None not in column]
+    return 1 + next((index for index in fixed if len(set(constants[index])) > 1), fixed[0])
 
 
 def _hex(item: WireItem) -> str:

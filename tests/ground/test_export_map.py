@@ -108,6 +108,23 @@ def test_who_reads_the_xtce_decodes_a_wheel_s_replies(wire_map: tuple[str, WireM
             assert float(packet[f"{name}_{field}"]) == pytest.approx(value, rel=1e-12), (name, field)
 
 
+def test_replies_of_a_wheel_with_an_address_are_told_apart_by_their_register(tmp_path: Path) -> None:
+    """The address is a constant of every packet: by it alone the reply to a write was taken for telemetry."""
+    definitions = pytest.importorskip("space_packet_parser.xtce.definitions")
+    own = tmp_path / "own.yaml"
+    own.write_text(OWN_MAP.replace("framing: {", "framing: {address: 7, "))
+    exported(str(own), tmp_path / "wheel.xml")
+    definition = definitions.XtcePacketDefinition.from_xtce(tmp_path / "wheel.xml", root_container_name="Reply")
+    register = wire_map_of(str(own)).register("speed")
+    assert register is not None
+    data = encode_register(register, {"speed": 100.0, "temperature": 25.0, "word": 4.0})
+    for content, name, told in (
+        (bytes((7, 30, 200)) + data, "speed_speed", 100.0), (bytes((7, 30, 2, 0)), "limits_status_status", "ok")
+    ):  # fmt: skip
+        body = content + crc16(content, "crc16-x25").to_bytes(2, "little")
+        assert definition.parse_bytes(body, root_container_name="Reply")[name] == told
+
+
 def test_the_document_has_units_ranges_and_every_command(wire_map: tuple[str, WireMap], tmp_path: Path) -> None:
     """Arguments have the ends that the driver accepts, constants their bytes, the checksum its polynomial."""
     from xml.etree import ElementTree
