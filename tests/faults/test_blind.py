@@ -102,10 +102,18 @@ def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> Non
 @pytest.mark.parametrize("family", CONFIRMED_BY_TELEMETRY, indirect=True)
 def test_telemetry_that_stands_still_bears_no_command_out(tmp_path: Path) -> None:
     """Row 16: where telemetry confirms, a frozen one takes no command: said once, zero written; then on as before."""
-    made = wheel(tmp_path, "freeze@20s:10s")
+    made = wheel(tmp_path, "freeze@20s:3s")
     ran = made.run(60.0, command=SINE)
     assert ran.notes.events.count("commands_not_taken") == 1
     assert ran.notes.states[-1] == "TRACKING"
     assert ran.outcome.zero_confirmed
     assert max(map(abs, made.speeds_rad_s)) < 60.0
     assert np.any(ran.log.current_A[ran.log.time_s > ran.log.time_s[-1] - 5.0] != 0.0)
+
+
+@pytest.mark.parametrize("family", CONFIRMED_BY_TELEMETRY, indirect=True)
+def test_telemetry_that_stands_still_for_long_is_safe_though_nothing_refuses(tmp_path: Path) -> None:
+    """Row 16: a frozen one that takes no command for longer than limits.safe_after_s: a person says when to go on."""
+    ran = wheel(tmp_path, "freeze@20s:10s").run(40.0, command=SINE)
+    assert ran.notes.states[-1] == "SAFE"
+    assert ran.outcome.zero_confirmed
