@@ -25,10 +25,15 @@ _IN_SECTION = re.compile(rf"\W*{_ENTRY}", re.IGNORECASE)
 _KINDS = {
     "name": ("name", "signal", "signalname", "channelname", "label", "bezeichnung", "title"),
     "unit": ("unit", "units", "einheit", "dimension"),
-    "factor": ("factor", "faktor", "scale", "scaling", "scalingfactor", "gain", "slope", "resolution"),
-    "offset": ("offset", "intercept"),
+    "factor": ("factor", "faktor", "scale", "scalefactor", "scaling", "scalingfactor", "slope", "resolution", "gain"),
+    "offset": ("offset", "addoffset", "intercept"),
 }
 _KIND_OF = {word: kind for kind, words in _KINDS.items() for word in words}
+
+
+def kind_of(word: str) -> str:
+    """What is said of a channel by a word, as one of the fields of `Channel`; empty for anything else."""
+    return _KIND_OF.get(re.sub(r"[\W_]", "", word.lower()).removesuffix("s"), "")
 
 
 class Channel(NamedTuple):
@@ -56,8 +61,7 @@ def channels_above(lines: Sequence[str], width: int) -> tuple[list[Channel], fro
             continue
         said = match.groupdict()
         number = int(said.get("number", inside))
-        kind = _KIND_OF.get(re.sub(r"[\W_]", "", said.get("key", "name").lower()))
-        if kind is not None:
+        if kind := kind_of(said.get("key", "name")):
             found.setdefault(number, {}).setdefault(kind, match["value"].strip(" \"'"))
             used.add(at)
     channels = [Channel(*(said.get(kind, "") for kind in _KINDS)) for _, said in sorted(found.items())]

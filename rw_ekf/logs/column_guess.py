@@ -94,7 +94,8 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     else:
         clocks = clocks_among([c for c in columns if c.role == "time" and np.isfinite(c.values).all()])
         # What is called nothing that is known is a time where it holds dates.
-        clocks = clocks or clocks_among([c for c in columns if c.role in ("other", "count") and _holds_dates(table, c)])
+        undated = [c for c in columns if c.role in ("other", "count", "angle") and _holds_dates(table, c)]
+        clocks = clocks or clocks_among(undated)
     if clocks:
         clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank))
         other = next(
@@ -154,7 +155,10 @@ def _holds_dates(table: RawTable, column: Column) -> bool:
     if len(values) < 3 or not np.isfinite(values).all() or float(np.mean(np.diff(values) < 0.0)) > 0.01:
         return False
     first, last = float(values[0]), float(values[-1])
-    since_1970 = any(low <= first < last < high for low, high in (_DATES, *(epoch[:2] for epoch in EPOCHS)))
+    spans = (
+        [_DATES, *(epoch[:2] for epoch in EPOCHS)] if column.role != "angle" else [epoch[:2] for epoch in EPOCHS[2:]]
+    )
+    since_1970 = any(low <= first < last < high for low, high in spans)  # `Ticks`: no angle is counted in so many
     julian = _JULIAN[0] <= first < last < _JULIAN[1] and float(np.median(np.diff(values))) < _JULIAN_STEP
     return since_1970 or julian if table.is_plain_number(column.number) else float(np.ptp(values)) > 0.0
 

@@ -187,10 +187,13 @@ def role_of(said: Said) -> Role:
     if said.has("neither"):
         return "other"
     role = _by_words(said) if said.unit is None else _BY_QUANTITY.get(said.unit.quantity, "other")
+    if role == "other" and said.unit is not None and _by_words(said) == "direction":  # `Dir [-]`
+        return "direction"
     if said.unit is None and said.any_of("derivative"):
         role = "speed" if role == "angle" else "other"
     if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
-        alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower(), "x"}  # the axis of a plot
+        axis = {"x", "data", "x_data", "xdata"}  # of a plot; dSPACE's X.Data
+        alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower(), *axis}
         return "time" if alone or said.says_time else "other"
     if role == "current" and said.has("direct") and not said.any_of("q", "iq"):
         return "other"  # it magnetises, and turns nothing

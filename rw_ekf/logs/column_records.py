@@ -10,10 +10,10 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
-from rw_ekf.logs.column_units import habitual_unit
+from rw_ekf.logs.column_units import Unit, habitual_unit, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.odd_columns import mark_of_missing, unsigned_turn
-from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _HIGHER_IS_BACKWARD = re.compile(
@@ -99,6 +99,7 @@ class Column:
     missing: float | None = None  # the number that stood for NaN among `values`
     turn: float | None = None  # after which they begin anew, where negative numbers were written as unsigned
     factor: float = 1.0  # by which its numbers were multiplied here, as the file says of them
+    offset: float = 0.0  # that was added then
     bare_name: str = ""  # its name without what only says that its numbers are converted
 
     @property
@@ -159,10 +160,8 @@ class Column:
             more = {"scale": -1.0, **more}
         if _REVERSED.search(self.remark) and self.role in ("speed", "current"):
             more = {"scale": -1.0, **more}
-        for key, by in (("scale", self.factor), ("wrap", 1.0 / self.factor)):
-            known = more.get(key, 1.0 if key == "scale" else None)
-            if self.factor != 1.0 and isinstance(known, float | int):
-                more = {**more, key: float(f"{known * by:.12g}")}
+        if self.factor != 1.0 or self.offset:
+            more = self._converted(unit, more)
         return {
             "column": self.key,
             **({"unit": unit} if unit else {}),
@@ -170,6 +169,16 @@ class Column:
             **({} if self.turn is None else {"wrap": self.turn}),
             **{k: v for k, v in more.items() if v is not None},
         }
+
+    def _converted(self, unit: str, more: dict[str, object]) -> dict[str, object]:
+        """Further keys of an entry, whose `scale` and `offset` make of the counts what was meant in `unit`."""
+        known, scale, wrap = unit_of(unit) or Unit("other"), more.get("scale") or 1.0, more.get("wrap")
+        per = more.get(known.per) or 1.0
+        if isinstance(scale, float | int) and isinstance(per, float | int):
+            # A map's value is scale * (factor of the unit * column + its offset) + offset.
+            shift = scale * (known.factor / per * self.offset + known.offset * (1.0 - self.factor))
+            more |= {"scale": float(f"{scale * self.factor:.12g}"), "offset": float(f"{shift:.12g}") or None}
+        return more | ({"wrap": float(f"{wrap / self.factor:.12g}")} if isinstance(wrap, float | int) else {})
 
 
 def columns_of(table: RawTable) -> list[Column]:
@@ -195,26 +204,32 @@ def columns_of(table: RawTable) -> list[Column]:
         unsigned = unsigned_turn(values) if role in _SIGNED else None
         turn = unsigned[0] if unsigned else None
         values = values if turn is None else np.where(values > 0.5 * turn, values - turn, values)
-        factor, more = _factor_of(table.factors.get(name, ("", "")), values, role)
+        factor, offset, more = _factor_of(table.factors.get(name, Factor("", "")), values, role)
         remark = "; ".join(filter(None, (remark, more)))
         bare = spoken(name) if spoken(name) != name else ""
-        found.append(Column(number, name, said, role, factor * values, key, remark, by_habit, mark, turn, factor, bare))
+        values = values if (factor, offset) == (1.0, 0.0) else factor * values + offset
+        found.append(Column(number, name, said, role, values, key, remark, by_habit, mark, turn, factor, offset, bare))
     return _without_raw(found)
 
 
-def _factor_of(said: tuple[str, str], values: Float64Array, role: Role) -> tuple[float, str]:
-    """By what a file says that numbers (n,) are multiplied, where they are counts as yet; else 1, and what it says.
+def _factor_of(said: Factor, values: Float64Array, role: Role) -> tuple[float, float, str]:
+    """By what a file says that numbers (n,) are multiplied and what is added, where they are counts as yet.
 
-    Counts are whole, and not all multiples of the factor, as products would be.
+    Else 1 and 0, and what it says. Counts are whole, and not all multiples of the factor, as products would be.
     """
-    factor, offset = map(number_or_none, said)
-    if factor is None or not factor or np.isnan(factor) or (factor == 1.0 and not offset):
-        return 1.0, ""
+    read = [number_or_none(text) for text in (said.factor, said.offset)]
+    if all(
+        text is not None and (np.isnan(text) or text == usual) for text, usual in zip(read, (1.0, 0.0), strict=True)
+    ):
+        return 1.0, 0.0, ""
+    factor, offset = (np.nan if text is None else text for text in read)
     known = values[np.isfinite(values)]
-    counts = bool(np.all(known == np.round(known))) and (abs(factor) < 1.0 or bool(np.any(known % factor)))
-    if counts and role not in ("angle", "count", "other") and (offset is None or not offset or np.isnan(offset)):
-        return factor, ""
-    return 1.0, f"factor {said[0]}, offset {said[1] or 0}"
+    counts = bool(factor) and bool(np.all(known == np.round(known)))
+    counts = counts and (abs(factor) < 1.0 or bool(np.any(known % factor)))
+    sure = np.isfinite(factor) and None not in read and (said.is_added or not offset or np.isnan(offset))
+    if counts and sure and role not in ("angle", "count", "other"):
+        return factor, float(np.nan_to_num(offset)), ""
+    return 1.0, 0.0, f"factor {said.factor or 1}, offset {said.offset or 0}"
 
 
 def _without_raw(columns: list[Column]) -> list[Column]:

@@ -101,3 +101,13 @@ SIGNS = {
     "回転": " speed ", "ホイール": " wheel ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ",
     "τ": " tau ", "相": " phase ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
+
+# Which way a wheel turns; R is right beside L, and reverse beside F.
+FORWARD = frozenset({
+    "+", "+1", "1", "cw", "f", "fwd", "forward", "forwards", "pos", "positive", "right", "rechts", "vor", "vorwaerts",
+    "vorwärts", "true", "up", "avant", "horaire",
+})  # fmt: skip
+BACKWARD = frozenset({
+    "-", "-1", "0", "ccw", "b", "back", "backward", "backwards", "rev", "reverse", "neg", "negative", "left", "l",
+    "links", "zurueck", "rückwärts", "false", "down", "arriere", "antihoraire",
+})  # fmt: skip

@@ -16,10 +16,11 @@ from rw_ekf.logs import csv_slow
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
-from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none
 from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
+from rw_ekf.logs.turned_text import turned
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -75,6 +76,10 @@ def read_csv_table(
 
     Raises LogError naming the line and the column of the first fault, EmptyLogError for a file without data.
     """
+    head = _head_of(text)
+    if not _is_own(head, layout) and (other := turned(text, head, layout.delimiter)) is not None:
+        read = read_csv_table(replace(text, unpacked=other), layout, must_be_numeric, name_shown)
+        return replace(read, place=lambda row: f"sample {row + 1}")
     found = _other_layout(text, layout, must_be_numeric)
     if found is None:
         read = _read_plain(text, layout, must_be_numeric, name_shown)
@@ -90,7 +95,8 @@ def read_csv_table(
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
-    read.factors = {name: pair for name, pair in zip(found.names, found.factors, strict=False) if name and any(pair)}
+    of_columns = zip(found.names, found.factors, strict=False)
+    read.factors = {name: Factor(*pair) for name, pair in of_columns if name and any(pair)}
     read.preamble = (*read.preamble, *written.words)
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]
@@ -104,8 +110,7 @@ def read_csv_table(
 
 def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> TextLayout | None:
     """How a text is laid out that is a table in another way than this program's; None for any other."""
-    with text.open() as stream:
-        head = stream.read(_LOOKED_AT_BYTES)
+    head = _head_of(text)
     if _is_own(head, layout) or (_is_plain(head, layout, must_be_numeric) and not _names_again(text, layout)):
         return None
     return _layout_of(text, layout)
@@ -113,12 +118,19 @@ def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[i
 
 def _layout_of(text: LogText, layout: CsvLayout) -> TextLayout | None:
     """How a text is laid out as its head shows; None where it is no table."""
-    with text.open() as stream:
-        head = stream.read(_LOOKED_AT_BYTES)
     found = layout_of(
-        head, delimiter=layout.delimiter, decimal=layout.decimal, encoding=layout.encoding, skip_rows=layout.skip_rows
+        _head_of(text),
+        delimiter=layout.delimiter,
+        decimal=layout.decimal,
+        encoding=layout.encoding,
+        skip_rows=layout.skip_rows,
     )
     return replace(found, names=()) if found is not None and layout.header is False else found
+
+
+def _head_of(text: LogText) -> bytes:
+    with text.open() as stream:
+        return stream.read(_LOOKED_AT_BYTES)
 
 
 def _begins_with_numbers(table: RawTable) -> bool:

@@ -37,23 +37,22 @@ def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[st
     kinds: dict[str, dict[str, None]] = {}
     rows = Counter(kind for kind, _ in records)
     for kind, record in records:
-        kinds.setdefault(kind, {}).update(dict.fromkeys(record))
+        kinds.setdefault(kind, {}).update({name: None for name, value in record.items() if value is not None})
     base = base_kind({kind: list(names) for kind, names in kinds.items()}, rows)
-    alike = {  # a row that lacks a value is one of the base all the same
+    own = kinds[base].keys()
+    alike = {  # a row that lacks a value, or has one more than most, is one of the base all the same
         kind
         for kind, names in kinds.items()
-        if names.keys() <= kinds[base].keys()
-        and has_speed(names) == has_speed(kinds[base])
-        and 2 * len(names) > len(kinds[base])
+        if names.keys() >= own
+        or (names.keys() <= own and has_speed(names) == has_speed(own) and 2 * len(names) > len(own))
     }
     others: dict[str, Any] = {}
     found, places = [], []
     for place, (kind, record) in enumerate(records):
+        others |= {name: value for name, value in record.items() if name not in own}
         if kind in alike:
             found.append({**others, **record})
             places.append(place)
-        else:
-            others |= {name: value for name, value in record.items() if name not in kinds[base]}
     return found, places
 
 

@@ -9,17 +9,22 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from rw_ekf.logs.channel_blocks import kind_of
 from rw_ekf.logs.column_units import unit_of, with_unit
+from rw_ekf.logs.raw_table import Factor, RawTable
 
 _REMARK_TAIL = re.compile(r"[._](long_?name|desc\w*|comments?|remarks?|labels?|quantity|sign\w*)$", re.IGNORECASE)
 _UNIT_TAIL = re.compile(r"[._]?(units?|einheit(en)?)$", re.IGNORECASE)
 _RATE = re.compile(r"(fs|rate|rate_hz|sampl\w*_?(rate|freq\w*)|f_?s(ample)?|frequency)", re.IGNORECASE)
 _STEP = re.compile(r"(dt|ts|t_?s(ample)?|delta_?t|sampl\w*_?(time|period|interval)|period)", re.IGNORECASE)
 _LONGEST = 200  # characters of a remark
+_ADDED = re.compile(r"add_?offset$", re.IGNORECASE)  # cfconventions.org, packed data: scale_factor * x + add_offset
+_VALUE = frozenset(["value", "values", "val", "data", "wert"])  # what one of several beside a unit is called
 
 
 def texts_of(value: Any) -> list[str] | None:
@@ -87,7 +92,68 @@ def _units_among(texts: list[str]) -> int:
     return sum(unit_of(text) is not None and text not in {"t", "n", "i"} for text in texts)
 
 
-def units_beside(content: Mapping[str, Any]) -> dict[str, str]:
+def with_labels(table: RawTable, content: Mapping[str, Any]) -> RawTable:
+    """A table with the units, remarks, factors and further lines that stand beside its numbers.
+
+    content: by name, all that the file holds. What is said of `speed` is so of a column `speed.value` too.
+    """
+    units, remarks, beside = _units(content), _remarks(content), dict(content)
+    factors, open_ones = _factors(content, table.names)
+    for key in (*factors, *open_ones):
+        beside.pop(key, None)
+    for name in table.names:
+        owner, _, last = name.rpartition(".")
+        alone = sum(other.startswith(f"{owner}.") for other in table.names) == 1
+        if owner in units and (alone or last.lower() in _VALUE):
+            units.setdefault(name, units[owner])
+        for said in open_ones.values():
+            remarks[name] = "; ".join(filter(None, (remarks.get(name), said)))
+    found: dict[str, Factor] = {}
+    for key, of_columns in factors.items():
+        for name, text in of_columns.items():
+            before = found.get(name, Factor("", ""))
+            found[name] = (
+                before._replace(factor=text)
+                if _owner(key)[1] == "factor"
+                else Factor(before.factor, text, _ADDED.search(key) is not None)
+            )
+    return replace(table, preamble=said_beside(beside), units=units, remarks=remarks, factors=found)
+
+
+def _factors(content: Mapping[str, Any], names: Sequence[str]) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
+    """What numbers are multiplied by, or have added, by key and column; and by key what is not told whose it is.
+
+    `speed_scale_factor`; a list for each of the columns. A number of an array, or of nothing by its name, is of any.
+    """
+    found: dict[str, dict[str, str]] = {}
+    open_ones: dict[str, str] = {}
+    for key, value in content.items():
+        array = np.asarray(value).reshape(-1)
+        owner, kind = _owner(key)
+        if not kind or array.dtype.kind not in "fiu" or not array.size:
+            continue
+        texts = [f"{number:.15g}" for number in array.tolist()]
+        own = [name for name in names if name and name in (owner, owner.rpartition(".")[2])]
+        if own and len(texts) == 1:
+            found[key] = {own[0]: texts[0]}
+        elif all(names) and 1 < len(texts) == len(names):
+            found[key] = dict(zip(names, texts, strict=True))
+        elif not owner or np.size(content.get(owner, 0)) > 1:
+            odd = [text for text in texts if text != ("1" if kind == "factor" else "0")]
+            open_ones |= {key: f"{kind} {odd[0]}"} if odd else {}
+    return found, open_ones
+
+
+def _owner(key: str) -> tuple[str, str]:
+    """Whose factor or offset a name says that it is, and which of both; a `gain` alone is more often a controller's."""
+    for cut in re.finditer(r"^|[._]", key):
+        word = key[cut.end() :]
+        if (kind := kind_of(word)) in ("factor", "offset") and word.lower() != "gain":
+            return key[: cut.start()], kind
+    return "", ""
+
+
+def _units(content: Mapping[str, Any]) -> dict[str, str]:
     """Units by name, of texts that are called after what they are the unit of: `speed_unit`, `units.speed`."""
     found: dict[str, str] = {}
     for key, value in content.items():
@@ -102,7 +168,7 @@ def units_beside(content: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def remarks_beside(content: Mapping[str, Any]) -> dict[str, str]:
+def _remarks(content: Mapping[str, Any]) -> dict[str, str]:
     """What is said of columns, by name, of texts that are called after these: `i_motor_long_name`."""
     found: dict[str, str] = {}
     for key, value in content.items():

@@ -10,20 +10,12 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.column_words import BACKWARD, FORWARD
 from rw_ekf.logs.odd_columns import faults_of_column
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import segment_ids, unwrapped
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
-
-_FORWARD = frozenset({
-    "+", "+1", "1", "cw", "f", "fwd", "forward", "forwards", "pos", "positive", "right", "r", "rechts", "vor",
-    "vorwaerts", "vorwärts", "true", "up", "avant", "horaire",
-})  # fmt: skip
-_BACKWARD = frozenset({
-    "-", "-1", "0", "ccw", "b", "back", "backward", "backwards", "rev", "reverse", "neg", "negative", "left", "l",
-    "links", "zurueck", "rückwärts", "false", "down", "arriere", "antihoraire",
-})  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -138,7 +130,9 @@ def _signs_of(table: RawTable, index: int) -> Float64Array:
             return np.where(np.isnan(values), np.nan, np.where(values == known[1], 1.0, -1.0))
         return np.asarray(np.sign(values))
     words = [None if value is None else str(value).strip().lower() for value in table.columns[index].to_pylist()]
-    signs = {word: 1.0 if word in _FORWARD else -1.0 for word in set(words) if word in _FORWARD | _BACKWARD}
+    signs = {word: 1.0 if word in FORWARD else -1.0 for word in set(words) if word in FORWARD | BACKWARD}
+    if signs.keys() & {"l", "f", "fwd", "forward"}:  # R is right beside L, reverse beside F, and anything else alone
+        signs["r"] = 1.0 if "l" in signs else -1.0
     odd = next((word for word in words if word and word not in signs), None)
     if odd is not None:
         raise LogError(

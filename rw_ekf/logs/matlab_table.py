@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.format import LogFormat, noting_suffix
-from rw_ekf.logs.labels import labelled_matrix, remarks_beside, said_beside, units_beside
+from rw_ekf.logs.labels import labelled_matrix, with_labels
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of, vectors_of
@@ -75,7 +74,7 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
         content = {_in_its_run(key): value for key, value in content.items()}
     elif variable is None and (left := [key for key in _speeds(content) if key not in names]):
         table.warnings.append(f"{name}: {', '.join(left[:MAX_NAMES_SHOWN])}: of another length and left out")
-    return replace(table, preamble=said_beside(content), units=units_beside(content), remarks=remarks_beside(content))
+    return with_labels(table, content)
 
 
 def _fields_of(value: Any, key: str) -> dict[str, Any]:

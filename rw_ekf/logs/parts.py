@@ -1,6 +1,7 @@
 """The parts of a run's log: STEM.csv, STEM.part002.csv, ..., each as it was written or compressed since.
 
-STEM.csv names the run: all its parts, whatever form each of them has. Every other name is that file and no other.
+STEM.csv names the run: all its parts, whatever form each of them has. The directory of a bag of ROS 2 names its files.
+Every other name is that file and no other.
 """
 
 from __future__ import annotations
@@ -66,7 +67,11 @@ class Parts:
 
 
 def parts_of(path: Path) -> Parts:
-    """Find the files that `path` names: those of a run for STEM.csv, else `path` alone, be it there or not."""
+    """Find the files that `path` names: those of a run or a bag, else `path` alone, be it there or not."""
+    if bag := files_of_bag(path):
+        return Parts(bag)
+    if path in (bag := files_of_bag(path.parent)) and len(bag) > 1:
+        return Parts((path,), (f"{path}: is one of {len(bag)} files of a bag: {path.parent} stands for them all",))
     asked = PartName.of(path.name)
     if asked is None or not path.name:
         return Parts((path,))
@@ -78,6 +83,14 @@ def parts_of(path: Path) -> Parts:
     if not found:
         return Parts((path,))
     return Parts(tuple(found[number] for number in sorted(found)))
+
+
+def files_of_bag(directory: Path) -> tuple[Path, ...]:
+    """The files of a bag of ROS 2 in the order in which they were recorded; none where a directory holds no bag."""
+    if not (directory / "metadata.yaml").is_file():
+        return ()
+    found = [path for form in ("*.db3", "*.mcap") for path in directory.glob(form)]
+    return tuple(sorted(found, key=lambda path: (len(path.name), path.name)))  # bag_9 before bag_10
 
 
 def _beside(path: Path, asked: PartName) -> dict[int, Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,14 @@ from rw_ekf.logs.time_text import past_midnight, seconds_of
 
 MAX_NAMES_SHOWN = 30
 _SEGMENTS = 2.0**32  # more than any log has
+
+
+class Factor(NamedTuple):
+    """What a file says that the numbers of a column are times, and what is added, each as it stands there."""
+
+    factor: str
+    offset: str
+    is_added: bool = False  # whether the offset is added to the product by the convention of its name
 
 
 @dataclass(eq=False)
@@ -33,7 +41,7 @@ class RawTable:
     preamble: tuple[str, ...] = ()  # lines of a text above the names, or what stands beside the numbers as `key: value`
     units: dict[str, str] = field(default_factory=dict)  # by name of column, where the file has them beside the names
     remarks: dict[str, str] = field(default_factory=dict)  # by name of column: what the file says of it in prose
-    factors: dict[str, tuple[str, str]] = field(default_factory=dict)  # by name of column: factor and offset, as texts
+    factors: dict[str, Factor] = field(default_factory=dict)  # by name of column
     doubts: tuple[str, ...] = ()  # sentences on what its layout leaves open: which cell is whose, what a comma means
 
     def index_of(self, name: str) -> int | None:

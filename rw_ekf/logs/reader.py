@@ -120,7 +120,9 @@ def read_table(path: Path, columns: ColumnMap) -> RawTable:
     """
     parts = parts_of(path)
     if len(parts.files) == 1 and PartName.of(parts.files[0].name) is None:
-        return _read_part(parts.files[0], columns)
+        table = _read_part(parts.files[0], columns)
+        table.warnings += parts.warnings
+        return table
     missing = missing_parts(path, parts.files)
     tables: list[RawTable] = []
     warnings, empty = [*parts.warnings, *missing.values()], None

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.column_words import BACKWARD, FORWARD
 from rw_ekf.logs.text_forms import NO_FORM, LineForm
 from rw_ekf.logs.time_text import is_odd_stamp
 
@@ -34,6 +35,7 @@ _WITH_UNIT = re.compile(
 )
 _UNIT_IN_CELL = re.compile(rf"(?<![^,;\t\"])\s*{_WITH_UNIT.pattern}\s*(?![^,;\t\"])")
 _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
+_DIRECTED = re.compile(r"(?P<way>[^\W\d_]{2,})[ :]+(?P<size>\d[\d.,]*(?:[eE][+-]?\d+)?)")  # CCW 512
 _GAPS = frozenset({
     "n/a", "na", "null", "none", "inf", "-inf", "+inf", "err", "error", "ovf", "ovl", "ovld", "overflow", "overrange",
     "invalid", "timeout", "nodata", "no data",
@@ -88,13 +90,21 @@ class TextLayout:
 
     def is_value(self, cell: str) -> bool:
         """Whether a cell is a number or a stamp."""
-        return is_number(cell, self.decimal) or is_stamp(cell) or self.with_unit(cell) is not None
+        known = is_number(cell, self.decimal) or is_stamp(cell)
+        return known or self.with_unit(cell) is not None or self.directed(cell) is not None
 
     def with_unit(self, cell: str) -> tuple[str, str] | None:
         """Number and unit of a cell that has both, in a file of such cells; None for any other."""
         match = _WITH_UNIT.fullmatch(cell) if self.united else None
         known = match is not None and is_number(match["value"], self.decimal) and unit_of(match["unit"]) is not None
         return (match["value"], match["unit"]) if match is not None and known else None
+
+    def directed(self, cell: str) -> str | None:
+        """The number with its sign of a cell that has a direction before its size, `CCW 512`; None for any other."""
+        match = _DIRECTED.fullmatch(cell)
+        if match is None or (way := match["way"].lower()) not in FORWARD | BACKWARD:
+            return None
+        return f"{'-' * (way in BACKWARD)}{match['size']}" if is_number(match["size"], self.decimal) else None
 
     def numbers(self, cells: Sequence[str]) -> list[str]:
         """The same of a row: where cells have units, each in its column's; what is in none of that kind stays."""
@@ -119,6 +129,7 @@ class TextLayout:
     def number(self, cell: str) -> str:
         """A cell's number as the readers of plain text take it; what is none stays as it is."""
         mark, grouped = self.grouping
+        cell = self.directed(cell) or cell
         if (self.thousands or ("." in cell and "," in cell)) and grouped.fullmatch(cell):
             cell = cell.replace(mark, "")
         if self.decimal == "," and "," in cell and _COMMA_NUMBER.fullmatch(cell):

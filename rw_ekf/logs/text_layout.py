@@ -20,7 +20,7 @@ from rw_ekf.logs.text_forms import MARK, labelled_form, stamped_form
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
 _OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "koi8-r", "cp866", "big5", "euc-kr", "cp1250")
 _LOOKED_AT = 400  # lines
-_NEARLY_ALL = 0.9  # of the rows begin with a value where each does
+NEARLY_ALL = 0.9  # of the rows begin with a value where each does
 _AGREE = 3  # lines of one width in a row begin the data
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
@@ -140,7 +140,7 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
         return 0, layout, 0.0, 0
     width, lines_of_it = max(counted.items(), key=lambda item: (item[1] * item[0], item[0]))
     first = [value for value, number in zip(begun, widths, strict=True) if number == width]
-    if not layout.begins_with_value and sum(first) > _NEARLY_ALL * len(first):
+    if not layout.begins_with_value and sum(first) > NEARLY_ALL * len(first):
         return _rows(lines, replace(layout, begins_with_value=True), skip_rows)
     near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in map(max, widths, wordy)]
     need = min(_AGREE, lines_of_it)

@@ -34,12 +34,13 @@ _DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.5
 _OF_AN_HOUR = re.compile(r"(\d{1,2}:\d{2}[.,]\d+)")  # Excel's mm:ss.0
 _HOUR_S = 3600.0
 _POINTED = re.compile(r"(?P<h>[01]?\d|2[0-3])\.(?P<m>[0-5]\d)\.(?P<s>[0-5]\d)(?P<f>[.,:]\d+)?")  # 10.58.12,250
+_DAYS = re.compile(r"(?P<days>\d{1,6}) days?,? +(?=\d)")  # 0 days 00:00:12.250000, as pandas writes a Timedelta
 _YEARS = 2  # at most in a log: what has more last parts than that is hours, minutes and seconds, and no date
 
 
 def is_odd_stamp(text: str) -> bool:
     """Whether a text is a day of a year with its time, minutes and seconds with a fraction, or a time with points."""
-    return any(form.fullmatch(text) for form in (_DAY_OF_YEAR, _OF_AN_HOUR, _POINTED))
+    return any(form.fullmatch(text) for form in (_DAY_OF_YEAR, _OF_AN_HOUR, _POINTED)) or bool(_DAYS.match(text))
 
 
 def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
@@ -59,7 +60,8 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
             continue
         if (of_year := _DAY_OF_YEAR.fullmatch(text)) is not None:
             text = _as_date(of_year)
-        match = _TEXT.fullmatch(text)
+        since = _DAYS.match(text)
+        match = _TEXT.fullmatch(text if since is None else text[since.end() :])
         if match is None or not (match["date"] or match["h"]):
             return None
         seconds = 0.0
@@ -71,6 +73,8 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
                     return None
                 days[match["date"]] = day
             seconds = days[match["date"]]
+        if since is not None:
+            dated, seconds = True, DAY_S * int(since["days"])
         if match["h"]:
             seconds += _of_day(match)
         found[row] = seconds - _zone_s(match["zone"])

@@ -11,6 +11,7 @@ import pytest
 import rw_ekf
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.reader import read_table
+from rw_ekf.units import RAD_S_PER_RPM
 
 ROWS = [(10.0 * k, 100.0 * k, 0.5 - 0.25 * k) for k in range(5)]
 
@@ -45,6 +46,22 @@ def test_of_two_tables_the_map_names_one(tmp_path: Path) -> None:
     assert read_table(path, ColumnMap(variable="second")).rows == 5
     with pytest.raises(rw_ekf.Error, match="no table with rows called third"):
         read_table(path, ColumnMap(variable="third"))
+
+
+def test_what_rows_point_at_is_put_in_its_place(tmp_path: Path) -> None:
+    """A row for each value, whose signal is a number of another table, which has name and unit."""
+    path = tmp_path / "a.sqlite"
+    with closing(sqlite3.connect(path)) as held:
+        held.execute("CREATE TABLE signals (id INTEGER PRIMARY KEY, name TEXT, unit TEXT)")
+        held.executemany("INSERT INTO signals VALUES (?, ?, ?)", [(1, "rw_speed", "rpm"), (2, "rw_current", "mA")])
+        held.execute("CREATE TABLE samples (ts_ms INTEGER, signal_id INTEGER, value REAL)")
+        rows = [(10 * k, which, value) for k in range(40) for which, value in ((1, 300.0 + k), (2, 500.0 - k))]
+        held.executemany("INSERT INTO samples VALUES (?, ?, ?)", rows)
+        held.commit()
+    log = rw_ekf.read(path)
+    assert log.time_s == pytest.approx([1e-2 * k for k in range(40)])
+    assert log.speed_rad_s == pytest.approx([(300.0 + k) * RAD_S_PER_RPM for k in range(40)])
+    assert log.current_A == pytest.approx([0.5 - 1e-3 * k for k in range(40)])
 
 
 def test_a_dump_is_parsed_and_not_run(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 import rw_ekf
+from rw_ekf.units import RAD_S_PER_RPM
 from tests.foreign_logs import (
     Record,
     assert_same,
@@ -172,3 +173,49 @@ def test_a_list_of_units_is_of_the_fields_of_a_table_of_rows(tmp_path: Path) -> 
         file["log/telemetry"] = rows
         file["log/telemetry"].attrs["units"] = ["s", "rad/s", "A"]
     assert_same(rw_ekf.read(tmp_path / "a.h5"), record)
+
+
+def test_attributes_that_scale_are_applied_to_counts_or_asked_about(tmp_path: Path) -> None:
+    """A list has one for each column; scale_factor and add_offset are CF's; what is whose no name says is asked."""
+    record = Record(4)
+    rpm, mA = np.round(record.speed * 300.0), np.round(record.current * 1e3)
+    held = np.c_[rpm, mA].astype(np.int32)
+    with h5py.File(tmp_path / "list.h5", "w") as file:
+        data = file.create_dataset("data", data=held)
+        data.attrs.update({"channels": ["speed", "current"], "units": ["rpm", "mA"]})
+        data.attrs.update({"scale": [0.25, 0.5], "rate_hz": 4.0})
+    log = rw_ekf.read(tmp_path / "list.h5")
+    assert np.allclose(log.speed_rad_s, 0.25 * rpm * RAD_S_PER_RPM)
+    assert np.allclose(log.current_A, 0.5e-3 * mA)
+    with h5py.File(tmp_path / "cf.h5", "w") as file:
+        group = file.create_group("run")
+        group.attrs["sample_rate"] = 4.0
+        for name, unit, values in (("speed", "rpm", rpm), ("current", "mA", mA)):
+            group.create_dataset(name, data=values.astype(np.int32)).attrs.update(
+                {"units": unit, "scale_factor": 0.25, "add_offset": -20.0}
+            )
+    log = rw_ekf.read(tmp_path / "cf.h5")
+    assert np.allclose(log.speed_rad_s, (0.25 * rpm - 20.0) * RAD_S_PER_RPM)
+    assert np.allclose(log.current_A, 1e-3 * (0.25 * mA - 20.0))
+    assert np.allclose(log.time_s, record.time_s)
+    for of_all in ({"scale": 0.5}, {"scale": [0.25, 0.5, 1.0]}, {"offset": [5.0, 0.0]}):
+        with h5py.File(tmp_path / "open.h5", "w") as file:
+            data = file.create_dataset("data", data=held)
+            data.attrs.update({"channels": ["speed", "current"], "units": ["rpm", "mA"], "rate_hz": 4.0, **of_all})
+        found = rw_ekf.guess_columns(tmp_path / "open.h5")
+        assert "speed_rpm" in [question.name for question in found.guess.questions], of_all
+
+
+def test_a_unit_within_a_struct_is_of_its_values(tmp_path: Path) -> None:
+    """`omega.data` is in what `omega.unit` says, and the axis of a recording in what `X.Unit` does."""
+    record = Record(5)
+    channels = {
+        "X": {"Data": record.time_s, "Unit": "s"},
+        "omega": {"data": record.speed * 60.0, "unit": "deg/s"},
+        "Iq": {"data": record.current * 1e3, "unit": "mA"},
+    }
+    savemat(tmp_path / "a.mat", {"rec": channels})
+    log = rw_ekf.read(tmp_path / "a.mat")
+    assert np.allclose(log.time_s, record.time_s)
+    assert np.allclose(log.speed_rad_s, record.speed * np.pi / 3.0)
+    assert np.allclose(log.current_A, record.current)

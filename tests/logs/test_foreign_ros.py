@@ -143,7 +143,9 @@ def test_rosbag_2(tmp_path: Path) -> None:
     assert_same(log, record)
     assert path.read_bytes() == before
     path.with_name("bag_1.db3").write_bytes(before)
-    assert "1 more files of this bag are beside it" in read_with(path, *MAP).warnings[-1]
+    assert "is one of 2 files of a bag: " in read_with(path, *MAP).warnings[-1]
+    path.with_name("bag_1.db3").unlink()
+    assert_same(read_with(path.parent, *MAP), record)
     unknown = save_bag(tmp_path / "unknown", record, unknown=True)
     assert "/joints (mine/msg/Wheel): no definition of this type is at hand" in refusal(unknown, *MAP)
     with sqlite3.connect(tmp_path / "a.db") as base:

@@ -141,6 +141,16 @@ def test_the_form_of_a_date_is_no_unit_of_it(tmp_path: Path) -> None:
         rw_ekf.read(save(tmp_path / "b.xlsx", {"a": [*head, *rows]}))
 
 
+def test_a_row_of_means_and_cells_of_nothing_are_no_numbers(tmp_path: Path) -> None:
+    """What begins with a word among rows that begin with a number is left out with a word; `n/a` is a gap."""
+    record = Record(6, digits=6)
+    rows = [["t [s]", "w [rad/s]", "I [A]"], *rows_of(record), [], ["Mean", 0.5, 0.25]]
+    rows[4][2] = "n/a"
+    log = rw_ekf.read(save(tmp_path / "a.xlsx", {"Run": rows}))
+    assert np.array_equal(log.speed_rad_s, record.speed)
+    assert any("1 rows of the sheet, first row 63, begin with a word" in text for text in log.warnings)
+
+
 def test_a_sheet_without_names_goes_by_number(tmp_path: Path) -> None:
     """Numbers from the first row on are data; a text among them is named by its row of the sheet."""
     record = Record(4, digits=6)

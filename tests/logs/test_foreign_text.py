@@ -210,6 +210,10 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
             "rate": {"value": math.degrees(w), "unit": "deg/s"}, "current": {"value": c * MA, "unit": "mA"}}})
         + '\n{"ts": "2026-03-30T01:02:03Z", "eps": {"vbat": 8.1}}' * (i % 10 == 5)
     ).encode(),
+    "json lines, a slow value in some": lambda r: "\n".join(
+        json.dumps({"t_s": t, "rpm": w * RPM, "current": {"value": c * MA, "unit": "mA"},
+                    "temp": None if i % 10 else {"value": 21.0, "unit": "degC"}}) for i, (t, w, c) in enumerate(r)
+    ).encode(),
     "json by column, units beside": lambda r: json.dumps({
         "units": {"t": "s", "speed": "rpm", "i": "A"}, "data": {
             "t": [row[0] for row in r], "speed": [row[1] * RPM for row in r], "i": [row[2] for row in r]}
@@ -219,6 +223,41 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
             {"metric": {"__name__": name, "job": "rw"},
              "values": [[1700491320.0 + row[0], repr(size * row[column])] for row in r]}
             for name, column, size in (("rw_wheel_speed_rpm", 1, RPM), ("rw_motor_current_amperes", 2, 1.0))]}}
+    ).encode(),
+    "lines that Loki answers, the newest first": lambda r: json.dumps({"data": {"resultType": "streams", "result": [
+        {"stream": {"job": "rw"}, "values": [
+            [f"{1700491320 * 10**9 + round(1e9 * t)}", f"rpm={w * RPM!r} current_mA={c * MA!r}"] for t, w, c in r[::-1]
+        ]}]}}).encode(),
+    "objects that Loki answers": lambda r: json.dumps({"data": {"resultType": "streams", "result": [
+        {"stream": {"level": level}, "values": [
+            [f"{1700491320 * 10**9 + round(1e9 * t)}", json.dumps({"rpm": w * RPM, "current_mA": c * MA})]
+            for t, w, c in part]} for level, part in (("info", r[:300]), ("warn", r[300:]))]}}).encode(),
+    "a line for each signal": lambda r: "\n".join(
+        ";".join([name, unit, *(_comma(size * row[at]) for row in r)])
+        for at, name, unit, size in ((0, "Zeit", "s", 1.0), (1, "Drehzahl", "1/min", RPM), (2, "Strom", "mA", MA))
+    ).encode(),
+    "bytes of a serial line": lambda r: _table(
+        r, "name,type,start_time,duration,data,error",
+        lambda i, t, w, c: "\n".join(
+            f'"Async Serial","data",{t + 1e-5 * at!r},0.0000868,0x{ord(sign):02X},'
+            for at, sign in enumerate(f"rpm={w * RPM!r} I={c * MA!r}mA\r\n")
+        ),
+    ).encode(),
+    "a direction in the cell": lambda r: _table(
+        r, "t_ms,rpm,current_mA",
+        lambda i, t, w, c: f"{1e3 * t!r},{'CW' if w >= 0.0 else 'CCW'} {abs(w) * RPM!r},{c * MA!r}",
+    ).encode(),
+    "a direction without a unit, by letters": lambda r: _table(
+        r, "Time,Dir,Speed,I_meas\ns,-,rpm,mA",
+        lambda i, t, w, c: f"{t!r},{'F' if w >= 0.0 else 'R'},{abs(w) * RPM!r},{c * MA!r}",
+    ).encode(),
+    "ticks of .NET": lambda r: _table(
+        r, "Ticks,SpeedRpm,CurrentA",
+        lambda i, t, w, c: f"{639080000000000000 + round(1e7 * t)},{w * RPM!r},{c!r}",
+    ).encode(),
+    "a time since the begin, of pandas": lambda r: _table(
+        r, ",omega_rad_s,current_A",
+        lambda i, t, w, c: f"0 days 00:{int(t) // 60:02d}:{t % 60:09.6f},{w!r},{c!r}",
     ).encode(),
     "pandas, split": lambda r: json.dumps({
         "columns": ["time_s", "omega (rad/s)", "iq (A)"], "index": list(range(len(r))),

@@ -156,6 +156,42 @@ def test_a_factor_above_is_applied_to_counts_alone(tmp_path: Path, run: rw_ekf.L
         assert "factor 0.1" in asked[0]
 
 
+def test_counts_of_kelvin_become_degrees(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A unit with another zero is taken of what the factor makes of counts, not of the counts."""
+    units = (("time", "s", ""), ("speed", "rpm", ""), ("current", "A", ""), ("temperature", "K", "\nFactor=0.1"))
+    head = "\n".join(f"[Channel {n}]\nName={name}\nUnit={u}{more}" for n, (name, u, more) in enumerate(units, 1))
+    (tmp_path / "a.txt").write_text(
+        _csv(run, f"{head}\n[Data]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{2931 + i}")
+    )
+    log = rw_ekf.read(tmp_path / "a.txt")
+    assert log.table["temperature_degC"].to_numpy() == pytest.approx(19.95 + 0.1 * np.arange(log.time_s.size))
+
+
+def test_r_is_right_beside_l_and_reverse_beside_f(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A letter that means one way here and the other there is read by what stands beside it, and refused alone."""
+    forward = {"FR": "F", "LR": "R"}
+    for letters, ahead in forward.items():
+        other = letters.replace(ahead, "")
+        header = "t_s,dir,rpm,current_A"
+        (tmp_path / "a.csv").write_text(
+            _csv(run, header, lambda i, t, w, c: f"{t!r},{ahead if w >= 0 else other},{abs(w) * RPM!r},{c!r}")  # noqa: B023
+        )
+        assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s == pytest.approx(run.speed_rad_s)
+    (tmp_path / "a.csv").write_text(
+        _csv(run, "t_s,dir,rpm,current_A", lambda i, t, w, c: f"{t!r},R,{abs(w) * RPM!r},{c!r}")
+    )
+    with pytest.raises(rw_ekf.Error, match="is to be a direction and says 'r'"):
+        rw_ekf.read(tmp_path / "a.csv")
+
+
+def test_streams_of_two_wheels_are_no_log(tmp_path: Path) -> None:
+    """Lines that Loki has under different labels are refused, with the labels."""
+    streams = [{"stream": {"wheel": w}, "values": [[f"{k}000000000", "rpm=1 A=2"] for k in range(9)]} for w in "xy"]
+    (tmp_path / "a.json").write_text(json.dumps({"resultType": "streams", "result": streams}))
+    with pytest.raises(rw_ekf.Error, match=r"2 streams of Loki \(wheel=x; wheel=y\): ask Loki for one"):
+        rw_ekf.read(tmp_path / "a.json")
+
+
 def test_a_signal_whose_unit_changes_is_no_column(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A column of units says one for each signal; where one has two, no number of it is taken."""
     text = _csv(

@@ -96,7 +96,7 @@ def _bare(name: str) -> str:
 
 
 def _chosen(tables: Tables, name: str, columns: ColumnMap) -> RawTable:
-    tables = {key: (names, rows) for key, (names, rows) in tables.items() if len(rows) > 1 and names}
+    tables = _joined({key: (names, rows) for key, (names, rows) in tables.items() if len(rows) > 1 and names})
     if columns.variable is not None:
         tables = {key: held for key, held in tables.items() if key == columns.variable}
     if not tables:
@@ -113,6 +113,34 @@ def _chosen(tables: Tables, name: str, columns: ColumnMap) -> RawTable:
             f"{name}: {len(rows) - len(whole)} rows of {moved[0]} have other columns, and were left out"
         )
     return table
+
+
+def _joined(tables: Tables) -> Tables:
+    """The tables with what they point at in its place: `signal_id`, where each is one of `signals.id`, as its columns.
+
+    Those that are pointed at are no tables of their own then.
+    """
+    found, pointed_at = dict(tables), set[str]()
+    for key in tables:
+        for other, (columns, entries) in tables.items():
+            names, rows = found[key]
+            at = next((i for i, name in enumerate(names) if name.lower() in _pointers_at(other)), None)
+            if other == key or "id" not in columns or at is None:
+                continue
+            by_id = {entry[columns.index("id")]: entry for entry in entries if len(entry) == len(columns)}
+            if len(by_id) < len(entries) or not all(len(row) > at and row[at] in by_id for row in rows):
+                continue
+            rest = [i for i, name in enumerate(columns) if name != "id"]
+            held = [[*row[:at], *(by_id[row[at]][i] for i in rest), *row[at + 1 :]] for row in rows]
+            found[key] = ([*names[:at], *(columns[i] for i in rest), *names[at + 1 :]], held)
+            pointed_at.add(other)
+    return {key: held for key, held in found.items() if key not in pointed_at}
+
+
+def _pointers_at(table: str) -> set[str]:
+    """What a column is called that points at a table: `signal_id` of `signals`."""
+    bare = table.lower()
+    return {f"{one}{tail}" for one in (bare, bare.removesuffix("s"), bare.removesuffix("es")) for tail in ("_id", "id")}
 
 
 SQLITE = foreign_format(

@@ -73,14 +73,18 @@ def _value(file: Any, item: Any, depth: int) -> Any:
 
 
 def _attributes(key: str, item: Any) -> dict[str, Any]:
-    """Attributes of an object as variables beside it: `speed_unit`; a list of them for the fields of a table."""
+    """Attributes of an object as variables beside it: `speed_unit`; a list of them for the fields of a table.
+
+    Those of a group are as what it holds: `run.sample_rate`.
+    """
     found: dict[str, Any] = {}
+    between = "_" if hasattr(item, "dtype") else "."
     fields = getattr(getattr(item, "dtype", None), "names", None) or ()
     for said, value in item.attrs.items():
         if len(fields) == np.size(value) > 1:
             found |= {f"{key}.{field}_{said}": np.asarray(each) for field, each in zip(fields, value, strict=True)}
         elif "MATLAB" not in said:
-            found[f"{key}_{said}".lstrip("_")] = np.asarray(value)
+            found[f"{key}{between}{said}".lstrip("_.")] = np.asarray(value)
     return found
 
 

@@ -16,11 +16,14 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.csv_table import read_csv_table
 from rw_ekf.logs.foreign.groups import OWN_COLUMNS, Group, table_of_groups
 from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.interleaved import held
-from rw_ekf.logs.labels import remarks_beside, said_beside, units_beside
+from rw_ekf.logs.labels import with_labels
+from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.turned_text import stamped
 
 _BEGIN = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
 _DOCUMENTS = re.compile(  # of a header with its stamp, as messages of ROS begin, or two that are short
@@ -60,11 +63,41 @@ def _as_it_is(path: Path, name: str, columns: ColumnMap) -> RawTable:
         document = _within(document, columns.variable, name)
     if (groups := _series(document)) is not None:
         return table_of_groups(groups, columns, name)
+    if (lines := _logged(document, name)) is not None:
+        if all(line.startswith("{") for _, line in lines):
+            records = "\n".join(f'{{"time": {time_s}, {line[1:]}' for time_s, line in lines)
+            return _of_lines(records, name)
+        text = "\n".join(stamped(time_s, line) for time_s, line in lines) + "\n"
+        return read_csv_table(LogText(Path(name), text.encode()), columns.csv, columns.uses, name)
     found = _table_in(document, 0)
     if found is None:
         raise LogError(f"{name}: is JSON without a table: it takes a list of rows, or a list for each column")
     held, beside = found
     return table_of_lists(held, beside, name, lambda row: f"row {row + 1}")
+
+
+def _queried(document: Any, kind: str) -> list[Any] | None:
+    """What Prometheus or Loki answers of a kind; None for any other document."""
+    held = document.get("data", document) if isinstance(document, dict) else {}
+    result = held.get("result") if isinstance(held, dict) and held.get("resultType") == kind else None
+    return result if isinstance(result, list) else None
+
+
+def _logged(document: Any, name: str) -> list[tuple[str, str]] | None:
+    """The lines that Loki answers, in order of time, each with its time [s] from 1970; None for any other document.
+
+    (grafana.com/docs/loki/latest/reference/loki-http-api: `resultType` "streams", times in ns.) Raises LogError where
+    streams are of several that a log is not of at once: all but the level of a line tells them apart.
+    """
+    streams = _queried(document, "streams")
+    if streams is None:
+        return None
+    labels = {tuple(sorted((k, v) for k, v in one["stream"].items() if "level" not in k)) for one in streams}
+    if len(labels) > 1:
+        shown = "; ".join(", ".join(f"{key}={value}" for key, value in each) for each in sorted(labels)[:4])
+        raise LogError(f"{name}: holds {len(labels)} streams of Loki ({shown}): ask Loki for one of them")
+    lines = sorted((int(entry[0]), entry[1].strip()) for one in streams for entry in one["values"])
+    return [(f"{time // 10**9}.{time % 10**9:09d}", line) for time, line in lines]
 
 
 def _series(document: Any) -> list[Group] | None:
@@ -73,9 +106,8 @@ def _series(document: Any) -> list[Group] | None:
     Each is called what its metric is, after the labels that tell it from others of that name. Times are in s from 1970
     (prometheus.io/docs/prometheus/latest/querying/api: `resultType` "matrix").
     """
-    held = document.get("data", document) if isinstance(document, dict) else {}
-    result = held.get("result") if isinstance(held, dict) and held.get("resultType") == "matrix" else None
-    if not isinstance(result, list):
+    result = _queried(document, "matrix")
+    if result is None:
         return None
     metrics = [dict(one["metric"]) for one in result]
     channels: dict[tuple[float, ...], dict[str, Any]] = {}
@@ -253,12 +285,7 @@ def table_of_lists(held: dict[str, list[Any]], beside: dict[str, Any], name: str
     known |= same
     kept = {key: values for key, values in held.items() if key not in same}
     table = RawTable(name, tuple(kept), [_column(values) for values in kept.values()], rows, place)
-    table.preamble, table.units, table.remarks = said_beside(known), units_beside(known), remarks_beside(known)
-    for key in kept:  # {"rate": {"value": 1.0, "unit": "rad/s"}}
-        owner = key.rpartition(".")[0]
-        if owner in table.units:
-            table.units.setdefault(key, table.units[owner])
-    return table
+    return with_labels(table, known)
 
 
 def _texts_in(values: list[Any]) -> set[str]:

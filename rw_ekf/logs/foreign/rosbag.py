@@ -43,11 +43,7 @@ def _read_2(path: Path, name: str, columns: ColumnMap) -> RawTable:
     finally:
         connection.close()
     unknown = [f"{topic} ({kind})" for number, topic, kind, _ in topics if found[number][1] is None]
-    table = _table([topic for topic, _ in found.values()], unknown, columns, name)
-    others = len(list(path.parent.glob("*.db3"))) - 1
-    if others > 0 and (path.parent / "metadata.yaml").exists():
-        table.warnings.append(f"{name}: {others} more files of this bag are beside it; only this one was read")
-    return table
+    return _table([topic for topic, _ in found.values()], unknown, columns, name)
 
 
 def _names(connection: sqlite3.Connection) -> set[str]:

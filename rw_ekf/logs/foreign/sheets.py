@@ -18,7 +18,7 @@ from rw_ekf.logs.header_rows import with_names
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.text_cells import CELL, TextLayout, split_cells
-from rw_ekf.logs.text_layout import layout_of
+from rw_ekf.logs.text_layout import NEARLY_ALL, layout_of
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote before 2007
@@ -30,6 +30,7 @@ _FORM = re.compile(r"\s*[\[(]?\b[ymdhs]{1,4}(?:[-/.:, T]+[ymdhs0f]{1,4})+[\])]?$
 _HEADER_WITHIN = 200  # rows
 _SAID = 100  # rows of a sheet without a table
 _BELOW = 3  # rows under a header that are looked at
+_PLAIN = TextLayout()
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
@@ -104,7 +105,7 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     first = _first_data(rows, columns)
     if first is None:
         raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
-    data = rows[first:]
+    data, left_out = _rows_of_data(rows[first:])
     width = max(len(row) for _, row in data)
     above = [] if columns.csv.header is False else [_as_text(row, width) for _, row in rows[:first]]
     skipped = sum(1 for number, _ in rows[:first] if number <= columns.csv.skip_rows)
@@ -121,7 +122,22 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     preamble = tuple(" ".join(filter(None, split_cells(line, CELL))) for line in said)
     table = RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
     table.remarks = {name: text for name, text in zip(names, layout.remarks, strict=False) if name and text}
+    if left_out:
+        text = f"{len(left_out)} rows of the sheet, first row {left_out[0]}, begin with a word and were left out"
+        table.warnings.append(f"{name}: {text}")
     return table
+
+
+def _rows_of_data(rows: list[tuple[int, list[Any]]]) -> tuple[list[tuple[int, list[Any]]], list[int]]:
+    """The rows without those that begin with a word (a mean, the names again) where nearly all begin with a number.
+
+    With the numbers of those.
+    """
+    begin = next((column for column, cell in enumerate(rows[0][1]) if cell not in ("", None)), 0)
+    wordy = {number for number, row in rows if _number(_cell(row, begin)) is None}
+    if len(wordy) > (1.0 - NEARLY_ALL) * len(rows):
+        return rows, []
+    return [(number, row) for number, row in rows if number not in wordy], sorted(wordy)
 
 
 def _as_text(row: list[Any], width: int) -> str:
@@ -137,7 +153,7 @@ def _cell(row: list[Any], column: int) -> Any:
 
 def _column(cells: list[Any], title: str, column: int, columns: ColumnMap, name: str, numbers: Any) -> Any:
     """Values (n,), or texts where the log needs no numbers. Raises LogError for a text where it does."""
-    values = [_number(cell) for cell in cells]
+    values = [_number(_PLAIN.number(cell.strip()) if isinstance(cell, str) else cell) for cell in cells]
     if None not in values:
         return np.array(values, dtype=np.float64)
     if title in READABLE_COLUMNS or columns.uses(column, title):
