@@ -12,6 +12,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
 from rw_ekf.logs.column_units import Unit, habitual_unit, unit_of
 from rw_ekf.logs.column_words import WORDS
+from rw_ekf.logs.labels import owner_of
 from rw_ekf.logs.odd_columns import mark_of_missing, unsigned_turn
 from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
@@ -185,7 +186,8 @@ def columns_of(table: RawTable) -> list[Column]:
     """The columns that hold numbers, each with its role; a stamp's numbers are seconds."""
     found = []
     remarks = {**_dictionary(table), **table.remarks}
-    units = {**_columns_of_units(table), **table.units}
+    units, factors = _said_in_columns(table)
+    units, factors = {**units, **table.units}, {**factors, **table.factors}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
         habit = habitual_unit(name, table.names)
@@ -204,7 +206,7 @@ def columns_of(table: RawTable) -> list[Column]:
         unsigned = unsigned_turn(values) if role in _SIGNED else None
         turn = unsigned[0] if unsigned else None
         values = values if turn is None else np.where(values > 0.5 * turn, values - turn, values)
-        factor, offset, more = _factor_of(table.factors.get(name, Factor("", "")), values, role)
+        factor, offset, more = _factor_of(factors.get(name, Factor("", "")), values, role)
         remark = "; ".join(filter(None, (remark, more)))
         bare = spoken(name) if spoken(name) != name else ""
         values = values if (factor, offset) == (1.0, 0.0) else factor * values + offset
@@ -242,15 +244,19 @@ def _without_raw(columns: list[Column]) -> list[Column]:
     return columns
 
 
-def _columns_of_units(table: RawTable) -> dict[str, str]:
-    """Units that a column of words beside another has in every row: `speed`, `speed_unit`."""
-    found: dict[str, str] = {}
+def _said_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]:
+    """Units and factors that a column beside another has: `speed_unit`, `speed_scale` (no number where it changes)."""
+    units: dict[str, str] = {}
+    factors: dict[str, Factor] = {}
     for index, name in enumerate(table.names):
         owner = re.sub(r"[ _]units?$", "", name, flags=re.IGNORECASE)
         said = table.distinct(index, 1) if owner != name and table.is_text(index) else []
         if said:
-            found |= {other: said[0] for other in table.names if other in (owner, f"{owner}_value")}
-    return found
+            units |= {other: said[0] for other in table.names if other in (owner, f"{owner}_value")}
+        owner, kind = owner_of(name)
+        if kind == "factor" and owner in table.names:
+            factors[owner] = Factor("/".join(table.distinct(index, 2)) or "in each row", "")
+    return units, factors
 
 
 def _counts_rows(values: Float64Array) -> bool:

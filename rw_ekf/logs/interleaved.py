@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.logs.channel_blocks import kind_of
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
-from rw_ekf.logs.raw_table import RawTable, number_or_none, taken
+from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none, taken
 
 _MOST_KINDS = 60  # signals of one file
 _LEAST_ROWS = 10  # of a signal, on average
@@ -81,7 +82,15 @@ def widened(table: RawTable) -> RawTable | None:
         return None
     names = [with_unit(cells[row], units.get(cells[row], "")) for row in rows]
     rest = [column for column in range(len(table.names)) if column not in (number, values[0])]
-    return _wide(table.at_rows(rows), names, value[rows], rest)
+    scaling = [column for column in rest if kind_of(table.names[column]) in ("factor", "offset")]
+    wide = _wide(table.at_rows(rows), names, value[rows], [column for column in rest if column not in scaling])
+    if wide is not None and scaling:
+        said = [(kind_of(table.names[column]), table.cells(column)) for column in scaling]
+        for name in dict.fromkeys(names):
+            own = [row for row, other in zip(rows, names, strict=True) if other == name]
+            texts = {kind: "/".join(dict.fromkeys(str(cells[row]) for row in own)) for kind, cells in said}
+            wide.factors[name] = Factor(texts.get("factor", ""), texts.get("offset", ""))
+    return wide
 
 
 def _wide(table: RawTable, cells: list[str], value: Float64Array, rest: list[int]) -> RawTable | None:

@@ -27,6 +27,13 @@ _ADDED = re.compile(r"add_?offset$", re.IGNORECASE)  # cfconventions.org, packed
 _VALUE = frozenset(["value", "values", "val", "data", "wert"])  # what one of several beside a unit is called
 
 
+def unit_and_remark(said: Mapping[str, object]) -> tuple[str, str]:
+    """The unit that a file says of a column among whatever else it says, by key; and that, as one remark."""
+    unit = next((str(text) for key, text in said.items() if key.lower() in ("unit", "units", "unit_string")), "")
+    rest = (f"{key}: {text}" for key, text in said.items() if text and str(text) != unit)
+    return unit, "; ".join(rest)
+
+
 def texts_of(value: Any) -> list[str] | None:
     """The texts of a list, of rows of characters or of a cell array of texts; None for anything else."""
     array = np.asarray(value)
@@ -114,7 +121,7 @@ def with_labels(table: RawTable, content: Mapping[str, Any]) -> RawTable:
             before = found.get(name, Factor("", ""))
             found[name] = (
                 before._replace(factor=text)
-                if _owner(key)[1] == "factor"
+                if owner_of(key)[1] == "factor"
                 else Factor(before.factor, text, _ADDED.search(key) is not None)
             )
     return replace(table, preamble=said_beside(beside), units=units, remarks=remarks, factors=found)
@@ -129,7 +136,7 @@ def _factors(content: Mapping[str, Any], names: Sequence[str]) -> tuple[dict[str
     open_ones: dict[str, str] = {}
     for key, value in content.items():
         array = np.asarray(value).reshape(-1)
-        owner, kind = _owner(key)
+        owner, kind = owner_of(key)
         if not kind or array.dtype.kind not in "fiu" or not array.size:
             continue
         texts = [f"{number:.15g}" for number in array.tolist()]
@@ -144,7 +151,7 @@ def _factors(content: Mapping[str, Any], names: Sequence[str]) -> tuple[dict[str
     return found, open_ones
 
 
-def _owner(key: str) -> tuple[str, str]:
+def owner_of(key: str) -> tuple[str, str]:
     """Whose factor or offset a name says that it is, and which of both; a `gain` alone is more often a controller's."""
     for cut in re.finditer(r"^|[._]", key):
         word = key[cut.end() :]
@@ -157,8 +164,8 @@ def _units(content: Mapping[str, Any]) -> dict[str, str]:
     """Units by name, of texts that are called after what they are the unit of: `speed_unit`, `units.speed`."""
     found: dict[str, str] = {}
     for key, value in content.items():
-        text = text_of(value)
-        if text is None or unit_of(text) is None:
+        text = (text_of(value) or "").partition(" since ")[0]  # cfconventions.org: minutes since 2026-03-04
+        if unit_of(text) is None:
             continue
         before, _, last = key.rpartition(".")
         if _UNIT_TAIL.search(key) and (owner := _UNIT_TAIL.sub("", key)):
@@ -186,8 +193,12 @@ def said_beside(content: Mapping[str, Any]) -> tuple[str, ...]:
         if text is not None:
             lines.append(f"{key}: {text[:_LONGEST]}")
         elif array.dtype.kind in "fiu" and array.size == 1:
-            last, number = key.rpartition(".")[2], f"{float(array.reshape(-1)[0]):.12g}"
-            said = f"sample rate {number} Hz" if _RATE.fullmatch(last) else number
-            said += " Hz" * (key.lower().endswith("hz") and said == number)
-            lines.append(f"{key}: sample time {number} s" if _STEP.fullmatch(last) else f"{key}: {said}")
+            last, number = key.rpartition(".")[2], float(array.reshape(-1)[0])
+            hertz = re.search(r"k?hz$", last, re.IGNORECASE)
+            said = f"{number:.12g} {hertz[0] if hertz else 'Hz' if _RATE.fullmatch(last) else ''}".strip()
+            if _RATE.fullmatch(last[: hertz.start()].rstrip("_") if hertz else last):
+                said = f"sample rate {said}"
+            elif _STEP.fullmatch(last) and not number.is_integer():  # 10 may be ms, as in a column of times
+                said = f"sample time {said} s"
+            lines.append(f"{key}: {said}")
     return tuple(lines)

@@ -10,6 +10,7 @@ from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.in_parts import InParts, UnsoundError
+from rw_ekf.logs.labels import unit_and_remark
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -43,15 +44,9 @@ def of_arrow(table: Any, name: str) -> RawTable:
     names = tuple(str(column).strip() for column in table.column_names)
     read = RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
     for column, field in zip(names, table.schema, strict=True):
-        remarks = []
-        for said in (field.metadata or {}).items():
-            key, text = (part.decode("utf-8", "replace") for part in said)
-            if key.lower() in ("unit", "units"):
-                read.units[column] = text
-            elif key.lower() != "parquet:field_id":
-                remarks.append(f"{key}: {text}")
-        if remarks:
-            read.remarks[column] = "; ".join(remarks)
+        said = {key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
+                for key, value in (field.metadata or {}).items() if key.lower() != b"parquet:field_id"}  # fmt: skip
+        read.units[column], read.remarks[column] = unit_and_remark(said)
     return read
 
 

@@ -44,6 +44,7 @@ _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an os
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 _TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width
 _BETWEEN_THOUSANDS = re.compile("(?<=[0-9])['’\u00a0\u202f](?=[0-9]{3})")
+_BLANKED = re.compile(r"[+-]?[1-9]\d{0,2}( \d{3})+(?:[.,]\d+)?")  # 1 234,50
 _SIGN_APART = re.compile(r"(?<![^,;|\t\"])([ ]*[+-])[ ]+(?=[\d.])")  # +  1023.5, of recorders
 
 
@@ -129,7 +130,7 @@ class TextLayout:
     def number(self, cell: str) -> str:
         """A cell's number as the readers of plain text take it; what is none stays as it is."""
         mark, grouped = self.grouping
-        cell = self.directed(cell) or cell
+        cell = self.directed(cell) or (cell.replace(" ", "") if _BLANKED.fullmatch(cell) else cell)
         if (self.thousands or ("." in cell and "," in cell)) and grouped.fullmatch(cell):
             cell = cell.replace(mark, "")
         if self.decimal == "," and "," in cell and _COMMA_NUMBER.fullmatch(cell):
@@ -147,6 +148,7 @@ def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number, or a word that stands where one may."""
     if not cell:
         return False
+    cell = cell.replace(" ", "") if _BLANKED.fullmatch(cell) else cell
     if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS or _FORTRAN.fullmatch(cell) or _NO_VALUE.fullmatch(cell):
         return True
     return bool(_COMMA_NUMBER.fullmatch(cell)) if decimal == "," else bool(_GROUPED.fullmatch(cell))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
 from rw_ekf.logs.foreign.guard import Library, foreign_format
+from rw_ekf.logs.labels import unit_and_remark
 from rw_ekf.logs.raw_table import RawTable
 
 _TIME = re.compile(r"(time|t|zeit|timestamp|time[ _]stamp)([ _]*[\[(]?s(ec(onds)?)?[\])]?)?", re.IGNORECASE)  # [s]
@@ -51,8 +53,9 @@ def _group(
 ) -> tuple[Group, np.datetime64 | None]:
     """Times from the waveform's step [s], or from a channel of time stamps, or from one that is called time."""
     channels = {channel.name: channel[:] for channel in held}
-    units = {channel.name: text for channel in held if (text := str(channel.properties.get("unit_string", "")))}
-    remarks = {channel.name: text for channel in held if (text := str(channel.properties.get("description", "")))}
+    said = {channel.name: unit_and_remark(_further(channel.properties)) for channel in held}
+    units = {key: unit for key, (unit, _) in said.items() if unit}
+    remarks = {key: remark for key, (_, remark) in said.items() if remark}
     if step_s is not None and step_s > 0.0:
         time_s = (offset_s or 0.0) + step_s * np.arange(len(held[0]))
         begun = None if start is None else np.datetime64(start, "us")
@@ -64,6 +67,11 @@ def _group(
     called = next((key for key, values in channels.items() if _TIME.fullmatch(key) and values.dtype.kind == "f"), None)
     time = None if called is None else np.asarray(channels[called], dtype=np.float64)
     return Group(name, time, channels, units, remarks), None
+
+
+def _further(properties: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of a channel but for its timing, and what LabVIEW has for itself, as scales that are applied."""
+    return {key: value for key, value in properties.items() if not key.startswith(("wf_", "NI_"))}
 
 
 def _seconds(spans: Any) -> Float64Array:
