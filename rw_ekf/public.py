@@ -32,6 +32,7 @@ from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.excerpt import read_log_or_excerpt
+from rw_ekf.logs.joined import one_log
 from rw_ekf.logs.reader import read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.one_thread import one_thread
@@ -104,16 +105,21 @@ def replay(
 
 @one_thread()
 def fit(
-    log: Log | str | Path,
+    logs: Log | str | Path | Sequence[Log | str | Path],
     prior: HasModel | str | Path | None = None,
     noise: bool = False,
     *,
     method: Method = "least-squares",
     configuration: Configuration | str | Path | None = None,
 ) -> Fit:
-    """Fit the parameters to a whole log, and the effects of the prior. noise: tell the noises as well. Raises Error."""
+    """Fit the parameters to a whole log, or to several of one wheel, and the effects of the prior.
+
+    noise: tell the noises as well. Raises Error.
+    """
     given = _configuration(configuration)
-    return fit_record(_log(log), given, _model(prior, given), method=method, with_noise=noise)
+    return fit_record(
+        one_log(list(map(_log, _several(logs)))), given, _model(prior, given), method=method, with_noise=noise
+    )
 
 
 @one_thread()
@@ -132,11 +138,10 @@ def diagnose(
     is told of each step in words. Raises Error.
     """
     formulas = [] if effect_file is None else read_effect_file(effect_file, CATALOGUE_IDS)
-    several = [logs] if isinstance(logs, Log | str | Path) else list(logs)
     given = _configuration(configuration)
     own = [effect_of(formula) for formula in formulas]
     with _told(progress, "diagnose") as tell:
-        held = [log if isinstance(log, Log) else read_log_or_excerpt(log) for log in several]
+        held = [read_log_or_excerpt(log) if isinstance(log, str | Path) else _log(log) for log in _several(logs)]
         return diagnose_log(held, given, _model(model, given), split=split, advance=tell, own=own)
 
 
@@ -248,8 +253,16 @@ def _told(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
             yield tell
 
 
+def _several(logs: Log | str | Path | Sequence[Log | str | Path]) -> list[Log | str | Path]:
+    return list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]  # type: ignore[list-item]
+
+
 def _log(given: Log | str | Path) -> Log:
-    return given if isinstance(given, Log) else read_log(given)
+    if isinstance(given, str | Path):
+        return read_log(given)
+    if not isinstance(given, Log):
+        raise Error(f"a log is wanted, or the path of one; found {type(given).__name__}: `read` makes a log of a table")
+    return given
 
 
 def _configuration(given: Configuration | str | Path | None) -> Configuration | None:
@@ -270,6 +283,8 @@ def _held(given: HasModel | str | Path) -> Model:
     """A model, that of a result, or of a file. Raises Error where a diagnosis has none."""
     if isinstance(given, str | Path):
         return Model.load(given)
+    if not hasattr(given, "model") and not isinstance(given, Model):
+        raise Error(f"a model is wanted, what holds one, or the path of one; found {type(given).__name__}")
     model = given if isinstance(given, Model) else given.model
     if model is None:
         raise Error(f"{given!r} found no model")

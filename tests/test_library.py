@@ -218,3 +218,16 @@ def test_drivers_of_a_checkout_are_those_of_the_package() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.strip() == "rw_ekf.drivers.sim.faults"
+
+
+def test_several_logs_are_fitted_as_one(log: rw_ekf.Log) -> None:
+    """Twice the readings, each log with its own start; what is no log is an error of the package."""
+    both = rw_ekf.fit([log, log])
+    one = rw_ekf.fit(log)
+    assert both.samples == 2 * one.samples
+    assert both.belief.mean[1] == pytest.approx(one.belief.mean[1], rel=0.01)  # the gain; the first is the speed
+    for nothing in ([], [None], 3):
+        with pytest.raises(rw_ekf.Error, match="log"):
+            rw_ekf.fit(nothing)  # type: ignore[arg-type]
+    with pytest.raises(rw_ekf.Error, match="a model is wanted"):
+        rw_ekf.compare(1, 2)  # type: ignore[arg-type]

@@ -19,12 +19,13 @@ from rw_ekf.commands.inputs import (
 HELP = "fit the parameters to a whole log by least squares, or by dedicated experiments"
 EXAMPLE = """example:
   rw-ekf fit runs/2026-11-21.csv --noise --out wheel.model.yaml
+  rw-ekf fit runs/coast-1.csv runs/coast-2.csv
   rw-ekf replay runs/2026-11-22.csv --model wheel.model.yaml"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("log", metavar="LOG", help="CSV, Parquet or MATLAB file")
+    parser.add_argument("logs", metavar="LOG", nargs="+", help="a log of any form, or several of one wheel")
     add_log_options(parser)
     parser.add_argument(
         "--prior", metavar="F", help="model YAML that serves as the a priori; its effects are fitted too"
@@ -45,17 +46,18 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import DIAGNOSIS, FIT
     from rw_ekf.console import progress
     from rw_ekf.json_output import print_json
+    from rw_ekf.logs.joined import one_log
 
-    refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
+    refuse_to_overwrite([args.out], [*args.logs, args.columns, args.config])
     configuration = read_configuration(args)
     prior = read_wheel_model(args.prior, configuration)
-    (log,) = read_logs([args.log], args.columns)
+    log = one_log(read_logs(args.logs, args.columns))
     with_effects = prior is not None and prior.effects.terms and args.method != "deterministic"
     make_ready(DIAGNOSIS if with_effects else FIT)
     with progress("fit", None, " evaluations") as bar:
         found = fit_record(
             log, configuration, prior,
-            method=args.method, with_noise=args.noise, wheel=wheel_of_logs([args.log]), advance=bar.update,
+            method=args.method, with_noise=args.noise, wheel=wheel_of_logs(args.logs), advance=bar.update,
         )  # fmt: skip
     refused = args.out is not None and found.refusal is not None
     if refused:

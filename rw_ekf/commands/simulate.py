@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.commands.inputs import add_config_option
@@ -48,7 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what", nargs="?", choices=["wheel", "fleet"], default="wheel", help="a wheel (the default), or a fleet's logs"
     )
-    parser.add_argument("--link", metavar="PATH", help="where the wheel's tty is reachable")
+    parser.add_argument(
+        "--link",
+        metavar="PATH",
+        help="where the wheel's tty is reachable (default: the configuration's port, without one /tmp/wheel0)",
+    )
     add_config_option(parser, "its `simulation` and `wheel` describe the truth")
     parser.add_argument(
         "--effect",
@@ -89,8 +94,6 @@ def execute(args: argparse.Namespace) -> int:
         return _fleet(args)
     if args.out is not None:
         raise UsageError("--out is where `simulate fleet` writes: leave it out, or say fleet")
-    if args.link is None:
-        raise UsageError("--link PATH is missing: where the wheel's tty shall be reachable")
     return _wheel(args)
 
 
@@ -131,6 +134,7 @@ def _wheel(args: argparse.Namespace) -> int:
     if not abs(args.initial_speed_rpm) <= MAX_SPEED_RPM:
         raise BadInputError(f"--initial-speed-rpm {args.initial_speed_rpm:g}: give at most {MAX_SPEED_RPM:g} rpm")
     configurations = _configurations(args)
+    args.link = args.link or _port_of(configurations)
     if len(configurations) > 1:
         return _bus(args, configurations)
     faults = parse_faults(args.fault)
@@ -181,6 +185,20 @@ def _configurations(args: argparse.Namespace) -> tuple[Configuration, ...]:
         return ()
     found = load_configurations(args.config)
     return found if args.wheel is None else (one_of_wheels(found, args.config, args.wheel),)
+
+
+def _port_of(configurations: tuple[Configuration, ...]) -> str:
+    """Where the daemon of a configuration, else of the shipped one, looks for its wheel.
+
+    Raises UsageError where that is a device.
+    """
+    from rw_ekf.errors import UsageError
+    from rw_ekf.settings.load import load_configurations
+
+    port = (configurations or load_configurations("simulated"))[0].wheel.port
+    if not Path(port).is_absolute() or Path(port).is_relative_to("/dev"):
+        raise UsageError(f"--link PATH is missing: the configuration's port, {port}, is not a simulated wheel's")
+    return port
 
 
 def _noise(configuration: Configuration | None) -> PlantNoise:

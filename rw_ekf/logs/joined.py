@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.errors import LogError
 from rw_ekf.logs.wheel_log import WheelLog
 
 _UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
@@ -63,6 +64,14 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
     )
     log_of = np.repeat(np.arange(len(logs)), [len(log) for log in logs]).astype(np.int64)
     return Joined(whole, log_of, tuple(parts), (*notes, *_unlike(logs)))
+
+
+def one_log(logs: Sequence[WheelLog]) -> WheelLog:
+    """Logs joined, with what is said of them among the warnings. Raises LogError where there is none."""
+    if not logs:
+        raise LogError("no log was given: name one, or several of one wheel")
+    whole = joined(logs)
+    return replace(whole.log, warnings=(*whole.log.warnings, *whole.notes))
 
 
 def _further(logs: Sequence[WheelLog]) -> dict[str, Any]:

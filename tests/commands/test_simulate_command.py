@@ -56,13 +56,17 @@ def test_a_full_disk_under_a_listing_is_no_traceback(listing: str) -> None:
 
 @pytest.mark.slow
 def test_a_run_of_twenty_seconds_on_a_wheel_ten_times_as_fast_takes_two(tmp_path: Path) -> None:
-    """--duration counts seconds of samples; the truth is told with --json; a signal ends the simulator."""
+    """--duration counts seconds of samples; the truth is told with --json; a signal ends the simulator.
+
+    Without --link it is at the configuration's port, where the daemon looks for it.
+    """
     link = str(tmp_path / "wheel")
-    with program("simulate", "--link", link, "--speed-factor", "10", "--seed", "3", "--json") as simulator:
+    config = str(write_config(tmp_path, link))
+    with program("simulate", "--config", config, "--speed-factor", "10", "--seed", "3", "--json") as simulator:
         assert simulator.stdout is not None
         lines = list(iter(simulator.stdout.readline, "}\n"))
         truth = document_of("".join([*lines, "}"]))
-        done = rw_ekf("run", "--config", str(write_config(tmp_path, link)), "--duration", "20", "--json")
+        done = rw_ekf("run", "--config", config, "--duration", "20", "--json")
         simulator.send_signal(signal.SIGTERM)
         assert simulator.wait(5) == 0
     assert truth["truth"]["motor_gain"] == 15.205

@@ -169,7 +169,7 @@ def test_logs_of_the_daemon_s_kind_are_found_by_metadata(tmp_path: Path, capsys:
         (["simulate", "fleet"], "--out DIR is missing"),
         (["simulate", "fleet", "--out", "{}/x", "--workers", "0"], "give 1 or more"),
         (["simulate", "fleet", "--out", "{}/x", "--wheels", "0"], "a fleet has 1 to"),
-        (["simulate"], "--link PATH is missing"),
+        (["simulate", "--config", "example"], "--link PATH is missing"),
         (["simulate", "--link", "{}/tty", "--out", "{}"], "leave it out, or say fleet"),
     ],
 )
