@@ -254,7 +254,7 @@ def _told(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
 
 
 def _several(logs: Log | str | Path | Sequence[Log | str | Path]) -> list[Log | str | Path]:
-    return list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]  # type: ignore[list-item]
+    return list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
 
 
 def _log(given: Log | str | Path) -> Log:

@@ -145,7 +145,8 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
     if not unit.per and (fastest := unit.factor * column.top) > _FASTEST_RAD_S:
         yield f"{column.shown} would go to {fastest:.3g} rad/s in {said.unit_text}: in which unit is it?", (line,)
     if said.unit_text.lower() == "hz" and not said.any_of(*_TURNING):
-        yield f"{column.shown} may count pulses or electrical periods: how many are a turn?", (line,)
+        pulses = replace(line, entry=line.entry | {"unit": "pulses/s", "counts_per_turn": 7})
+        yield f"{column.shown} may count pulses or electrical periods: how many are a turn?", (line, pulses)
     bare = said.unit_text.replace("^", "").replace(" ", "").strip("[]()").lower()
     if bare in _PER_SECOND and not said.any_of(*_TURNS_BY_NAME):
         answers = (replace(line, entry=line.entry | {"unit": spelt}) for spelt in ("rad/s", "rev/s"))

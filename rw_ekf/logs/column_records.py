@@ -219,19 +219,14 @@ def _factor_of(said: Factor, values: Float64Array, role: Role) -> tuple[float, f
 
     Else 1 and 0, and what it says. Counts are whole, and not all multiples of the factor, as products would be.
     """
-    read = [number_or_none(text) for text in (said.factor, said.offset)]
-    if all(
-        text is not None and (np.isnan(text) or text == usual) for text, usual in zip(read, (1.0, 0.0), strict=True)
-    ):
+    factor, offset = (number_or_none(text or usual) for text, usual in ((said.factor, "1"), (said.offset, "0")))
+    if (factor, offset) == (1.0, 0.0):
         return 1.0, 0.0, ""
-    factor, offset = (np.nan if text is None else text for text in read)
-    known = values[np.isfinite(values)]
-    counts = bool(factor) and bool(np.all(known == np.round(known)))
-    counts = counts and (abs(factor) < 1.0 or bool(np.any(known % factor)))
-    sure = np.isfinite(factor) and None not in read and (said.is_added or not offset or np.isnan(offset))
-    if counts and sure and role not in ("angle", "count", "other"):
-        return factor, float(np.nan_to_num(offset)), ""
-    return 1.0, 0.0, f"factor {said.factor or 1}, offset {said.offset or 0}"
+    known, unsure = values[np.isfinite(values)], (1.0, 0.0, f"factor {said.factor or 1}, offset {said.offset or 0}")
+    if not factor or offset is None or not np.isfinite([factor, offset]).all() or (offset and not said.is_added):
+        return unsure
+    counts = bool(np.all(known == np.round(known))) and (abs(factor) < 1.0 or bool(np.any(known % factor)))
+    return (factor, offset, "") if counts and role not in ("angle", "count", "other") else unsure
 
 
 def _without_raw(columns: list[Column]) -> list[Column]:

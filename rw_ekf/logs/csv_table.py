@@ -16,7 +16,7 @@ from rw_ekf.logs import csv_slow
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
-from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none
+from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
@@ -95,8 +95,7 @@ def read_csv_table(
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
-    of_columns = zip(found.names, found.factors, strict=False)
-    read.factors = {name: Factor(*pair) for name, pair in of_columns if name and any(pair)}
+    read.factors = {name: said for name, said in zip(found.names, found.factors, strict=False) if name and any(said)}
     read.preamble = (*read.preamble, *written.words)
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]
@@ -118,13 +117,8 @@ def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[i
 
 def _layout_of(text: LogText, layout: CsvLayout) -> TextLayout | None:
     """How a text is laid out as its head shows; None where it is no table."""
-    found = layout_of(
-        _head_of(text),
-        delimiter=layout.delimiter,
-        decimal=layout.decimal,
-        encoding=layout.encoding,
-        skip_rows=layout.skip_rows,
-    )
+    told = {"delimiter": layout.delimiter, "decimal": layout.decimal, "encoding": layout.encoding}
+    found = layout_of(_head_of(text), skip_rows=layout.skip_rows, **told)
     return replace(found, names=()) if found is not None and layout.header is False else found
 
 

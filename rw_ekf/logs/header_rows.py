@@ -11,6 +11,7 @@ from rw_ekf.logs.channel_blocks import channels_above
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
+from rw_ekf.logs.raw_table import Factor
 from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, is_stamp, split_cells, without_trailing
 from rw_ekf.logs.text_forms import RECEIVED
 
@@ -68,7 +69,7 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
         taken = len(above) - count
     if channels:
         names, units = tuple(channel.name for channel in channels), tuple(channel.unit for channel in channels)
-        layout = replace(layout, factors=tuple((channel.factor, channel.offset) for channel in channels))
+        layout = replace(layout, factors=tuple(Factor(channel.factor, channel.offset) for channel in channels))
         taken = len(above)
     if described and not units:
         units = described.get("units", ())

@@ -82,15 +82,18 @@ def widened(table: RawTable) -> RawTable | None:
         return None
     names = [with_unit(cells[row], units.get(cells[row], "")) for row in rows]
     rest = [column for column in range(len(table.names)) if column not in (number, values[0])]
-    scaling = [column for column in rest if kind_of(table.names[column]) in ("factor", "offset")]
-    wide = _wide(table.at_rows(rows), names, value[rows], [column for column in rest if column not in scaling])
+    scaling = {kind: column for column in rest if (kind := kind_of(table.names[column])) in ("factor", "offset")}
+    wide = _wide(table.at_rows(rows), names, value[rows], [column for column in rest if column not in scaling.values()])
     if wide is not None and scaling:
-        said = [(kind_of(table.names[column]), table.cells(column)) for column in scaling]
-        for name in dict.fromkeys(names):
-            own = [row for row, other in zip(rows, names, strict=True) if other == name]
-            texts = {kind: "/".join(dict.fromkeys(str(cells[row]) for row in own)) for kind, cells in said}
-            wide.factors[name] = Factor(texts.get("factor", ""), texts.get("offset", ""))
+        held = {kind: table.cells(column) for kind, column in scaling.items()}
+        wide.factors = {name: _factor_at(rows[[other == name for other in names]], held) for name in {*names}}
     return wide
+
+
+def _factor_at(rows: Int64Array, held: Mapping[str, list[Any]]) -> Factor:
+    """What cells say of a signal in its rows (m,): no number where it changes."""
+    texts = {kind: "/".join(dict.fromkeys(str(cells[row]) for row in rows)) for kind, cells in held.items()}
+    return Factor(texts.get("factor", ""), texts.get("offset", ""))
 
 
 def _wide(table: RawTable, cells: list[str], value: Float64Array, rest: list[int]) -> RawTable | None:

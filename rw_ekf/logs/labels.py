@@ -104,51 +104,38 @@ def with_labels(table: RawTable, content: Mapping[str, Any]) -> RawTable:
 
     content: by name, all that the file holds. What is said of `speed` is so of a column `speed.value` too.
     """
-    units, remarks, beside = _units(content), _remarks(content), dict(content)
-    factors, open_ones = _factors(content, table.names)
-    for key in (*factors, *open_ones):
-        beside.pop(key, None)
+    table = replace(table, units=_units(content), remarks=_remarks(content), factors={})
+    heard = {key for key, value in content.items() if _scales(table, key, value, content)}
     for name in table.names:
         owner, _, last = name.rpartition(".")
         alone = sum(other.startswith(f"{owner}.") for other in table.names) == 1
-        if owner in units and (alone or last.lower() in _VALUE):
-            units.setdefault(name, units[owner])
-        for said in open_ones.values():
-            remarks[name] = "; ".join(filter(None, (remarks.get(name), said)))
-    found: dict[str, Factor] = {}
-    for key, of_columns in factors.items():
-        for name, text in of_columns.items():
-            before = found.get(name, Factor("", ""))
-            found[name] = (
-                before._replace(factor=text)
-                if owner_of(key)[1] == "factor"
-                else Factor(before.factor, text, _ADDED.search(key) is not None)
-            )
-    return replace(table, preamble=said_beside(beside), units=units, remarks=remarks, factors=found)
+        if owner in table.units and (alone or last.lower() in _VALUE):
+            table.units.setdefault(name, table.units[owner])
+    return replace(table, preamble=said_beside({key: value for key, value in content.items() if key not in heard}))
 
 
-def _factors(content: Mapping[str, Any], names: Sequence[str]) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
-    """What numbers are multiplied by, or have added, by key and column; and by key what is not told whose it is.
+def _scales(table: RawTable, key: str, value: Any, content: Mapping[str, Any]) -> bool:
+    """Whether a variable is what columns are times or have added, `speed_scale_factor`; it is added to the table then.
 
-    `speed_scale_factor`; a list for each of the columns. A number of an array, or of nothing by its name, is of any.
+    A list has one for each column. A number of a whole array, or of nothing by its name, is asked about of any.
     """
-    found: dict[str, dict[str, str]] = {}
-    open_ones: dict[str, str] = {}
-    for key, value in content.items():
-        array = np.asarray(value).reshape(-1)
-        owner, kind = owner_of(key)
-        if not kind or array.dtype.kind not in "fiu" or not array.size:
-            continue
-        texts = [f"{number:.15g}" for number in array.tolist()]
-        own = [name for name in names if name and name in (owner, owner.rpartition(".")[2])]
-        if own and len(texts) == 1:
-            found[key] = {own[0]: texts[0]}
-        elif all(names) and 1 < len(texts) == len(names):
-            found[key] = dict(zip(names, texts, strict=True))
-        elif not owner or np.size(content.get(owner, 0)) > 1:
-            odd = [text for text in texts if text != ("1" if kind == "factor" else "0")]
-            open_ones |= {key: f"{kind} {odd[0]}"} if odd else {}
-    return found, open_ones
+    array, (owner, kind) = np.asarray(value).reshape(-1), owner_of(key)
+    if not kind or array.dtype.kind not in "fiu" or not array.size:
+        return False
+    texts = [f"{number:.15g}" for number in array.tolist()]
+    own = [name for name in table.names if name and name in (owner, owner.rpartition(".")[2])][: len(texts)]
+    if len(texts) == len(own) or (all(table.names) and 1 < len(texts) == len(table.names)):
+        for name, text in zip(own or table.names, texts, strict=True):
+            before = table.factors.get(name, Factor("", ""))
+            added = before._replace(offset=text, is_added=_ADDED.search(key) is not None)
+            table.factors[name] = before._replace(factor=text) if kind == "factor" else added
+        return True
+    odd = [text for text in texts if text != ("1" if kind == "factor" else "0")]
+    if not odd or (owner and np.size(content.get(owner, 0)) < 2):
+        return False
+    for name in table.names:
+        table.remarks[name] = "; ".join(filter(None, (table.remarks.get(name), f"{kind} {odd[0]}")))
+    return True
 
 
 def owner_of(key: str) -> tuple[str, str]:

@@ -10,6 +10,7 @@ from itertools import zip_longest
 
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.column_words import BACKWARD, FORWARD
+from rw_ekf.logs.raw_table import Factor
 from rw_ekf.logs.text_forms import NO_FORM, LineForm
 from rw_ekf.logs.time_text import is_odd_stamp
 
@@ -61,7 +62,7 @@ class TextLayout:
     width: int = 0  # cells of a row of data
     preamble: tuple[str, ...] = ()  # lines before the names
     remarks: tuple[str, ...] = ()  # of each column, where a row above has them
-    factors: tuple[tuple[str, str], ...] = ()  # of each column and its offset, where blocks above have them
+    factors: tuple[Factor, ...] = ()  # of each column and its offset, where blocks above have them
     form: LineForm = NO_FORM  # what makes its lines rows of cells
     begins_with_value: bool = False  # whether each row does, or has an empty cell there: none begins with a word
     doubts: tuple[str, ...] = ()  # what of it could be otherwise

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
 
+import rw_ekf
 from tests.foreign_logs import (
     Record,
     assert_same,
@@ -128,3 +129,15 @@ def test_lvm_mistakes_have_their_line(tmp_path: Path) -> None:
     assert "has a header but no rows" in refusal(path, *MAP)
     path.write_text(whole)
     assert_survives_damage(path, *MAP)
+
+
+def test_a_property_that_scales_a_channel_is_asked_about(tmp_path: Path) -> None:
+    """What somebody wrote beside a channel, `scale = 0.1`, is heard; LabVIEW's own scales are applied, and are not."""
+    record = Record(2)
+    for key, asked in (("scale", True), ("NI_Scale_Note", False)):
+        said = {"wf_increment": 0.25, "unit_string": "rpm", key: 0.1}
+        with TdmsWriter(tmp_path / "a.tdms") as writer:
+            current = ChannelObject("g", "current", record.current, {"wf_increment": 0.25, "unit_string": "A"})
+            writer.write_segment([ChannelObject("g", "speed", np.round(record.speed * 300.0), said), current])
+        found = rw_ekf.guess_columns(tmp_path / "a.tdms")
+        assert any("scale: 0.1" in question.text for question in found.guess.questions) == asked

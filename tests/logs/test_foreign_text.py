@@ -236,12 +236,9 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         ";".join([name, unit, *(_comma(size * row[at]) for row in r)])
         for at, name, unit, size in ((0, "Zeit", "s", 1.0), (1, "Drehzahl", "1/min", RPM), (2, "Strom", "mA", MA))
     ).encode(),
-    "bytes of a serial line": lambda r: _table(
-        r, "name,type,start_time,duration,data,error",
-        lambda i, t, w, c: "\n".join(
-            f'"Async Serial","data",{t + 1e-5 * at!r},0.0000868,0x{ord(sign):02X},'
-            for at, sign in enumerate(f"rpm={w * RPM!r} I={c * MA!r}mA\r\n")
-        ),
+    "blanks between thousands": lambda r: _table(
+        r, "Zeit [s];Drehzahl [1/min];Strom [mA]",
+        lambda i, t, w, c: f"{t:.3f};{w * RPM:,.9f};{c * MA:,.9f}".replace(",", " ").replace(".", ","),
     ).encode(),
     "a direction in the cell": lambda r: _table(
         r, "t_ms,rpm,current_mA",

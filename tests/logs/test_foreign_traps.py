@@ -156,6 +156,30 @@ def test_a_factor_above_is_applied_to_counts_alone(tmp_path: Path, run: rw_ekf.L
         assert "factor 0.1" in asked[0]
 
 
+def test_a_factor_of_each_signal_is_applied_or_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """In a table with a row a signal as in a column beside another: of counts it is applied, else it is a question."""
+    for digits, certain in ((0, True), (3, False)):
+
+        def line(i: int, t: float, w: float, c: float, digits: int = digits) -> str:
+            speed, current = round(10.0 * w * RPM, digits or None), round(2e3 * c, digits or None)
+            return f"{t!r},speed,{speed},rpm,0.1\n{t!r},current,{current},mA,0.5"
+
+        found = _guess(tmp_path / "a.csv", _csv(run, "time_s,signal,value,unit,scale", line))
+        assert found.guess.is_certain == certain
+    beside = _csv(run, "t_s,rpm,rpm_scale,current_A", lambda i, t, w, c: f"{t!r},{10.0 * w * RPM:.0f},0.1,{c!r}")
+    _guess(tmp_path / "b.csv", beside)
+    assert rw_ekf.read(tmp_path / "b.csv").speed_rad_s == pytest.approx(run.speed_rad_s, abs=0.06 / RPM)
+
+
+def test_a_step_without_a_unit_may_be_of_ms(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Of 10 it is asked, .1 is seconds; kHz are no Hz."""
+    for said, rate_hz in (({"dt": 100.0}, None), ({"dt": 0.1}, 10.0), ({"fs_kHz": 0.01}, 10.0)):
+        np.savez(tmp_path / "a.npz", speed_rpm=run.speed_rad_s * RPM, current_A=run.current_A, **said)  # type: ignore[arg-type]
+        found = rw_ekf.guess_columns(tmp_path / "a.npz")
+        assert found.guess.options.get("rate_hz") == rate_hz, said
+        assert found.guess.is_certain == (rate_hz is not None)
+
+
 def test_counts_of_kelvin_become_degrees(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A unit with another zero is taken of what the factor makes of counts, not of the counts."""
     units = (("time", "s", ""), ("speed", "rpm", ""), ("current", "A", ""), ("temperature", "K", "\nFactor=0.1"))

@@ -23,7 +23,6 @@ from rw_ekf.logs.interleaved import held
 from rw_ekf.logs.labels import with_labels
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
-from rw_ekf.logs.turned_text import stamped
 
 _BEGIN = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
 _DOCUMENTS = re.compile(  # of a header with its stamp, as messages of ROS begin, or two that are short
@@ -64,11 +63,7 @@ def _as_it_is(path: Path, name: str, columns: ColumnMap) -> RawTable:
     if (groups := _series(document)) is not None:
         return table_of_groups(groups, columns, name)
     if (lines := _logged(document, name)) is not None:
-        if all(line.startswith("{") for _, line in lines):
-            records = "\n".join(f'{{"time": {time_s}, {line[1:]}' for time_s, line in lines)
-            return _of_lines(records, name)
-        text = "\n".join(stamped(time_s, line) for time_s, line in lines) + "\n"
-        return read_csv_table(LogText(Path(name), text.encode()), columns.csv, columns.uses, name)
+        return read_csv_table(LogText(Path(name), lines), columns.csv, columns.uses, name)
     found = _table_in(document, 0)
     if found is None:
         raise LogError(f"{name}: is JSON without a table: it takes a list of rows, or a list for each column")
@@ -83,11 +78,11 @@ def _queried(document: Any, kind: str) -> list[Any] | None:
     return result if isinstance(result, list) else None
 
 
-def _logged(document: Any, name: str) -> list[tuple[str, str]] | None:
-    """The lines that Loki answers, in order of time, each with its time [s] from 1970; None for any other document.
+def _logged(document: Any, name: str) -> bytes | None:
+    """The lines that Loki answers, in order of time, each behind its time [s] from 1970; None for any other document.
 
     (grafana.com/docs/loki/latest/reference/loki-http-api: `resultType` "streams", times in ns.) Raises LogError where
-    streams are of several that a log is not of at once: all but the level of a line tells them apart.
+    more than the level of its lines tells one stream from another.
     """
     streams = _queried(document, "streams")
     if streams is None:
@@ -97,7 +92,7 @@ def _logged(document: Any, name: str) -> list[tuple[str, str]] | None:
         shown = "; ".join(", ".join(f"{key}={value}" for key, value in each) for each in sorted(labels)[:4])
         raise LogError(f"{name}: holds {len(labels)} streams of Loki ({shown}): ask Loki for one of them")
     lines = sorted((int(entry[0]), entry[1].strip()) for one in streams for entry in one["values"])
-    return [(f"{time // 10**9}.{time % 10**9:09d}", line) for time, line in lines]
+    return "".join(f"[{time // 10**9}.{time % 10**9:09d} s] {line}\n" for time, line in lines).encode()
 
 
 def _series(document: Any) -> list[Group] | None:
