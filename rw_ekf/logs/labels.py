@@ -138,6 +138,11 @@ def _scales(table: RawTable, key: str, value: Any, content: Mapping[str, Any]) -
     return True
 
 
+def says_how_large(key: str) -> bool:
+    """Whether a name is that of a unit, a factor or an offset."""
+    return bool(_UNIT_TAIL.search(key) or owner_of(key)[1])
+
+
 def owner_of(key: str) -> tuple[str, str]:
     """Whose factor or offset a name says that it is, and which of both; a `gain` alone is more often a controller's."""
     for cut in re.finditer(r"^|[._]", key):

@@ -13,7 +13,7 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.format import LogFormat, noting_suffix
-from rw_ekf.logs.labels import labelled_matrix, with_labels
+from rw_ekf.logs.labels import labelled_matrix, says_how_large, with_labels
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of, vectors_of
@@ -71,6 +71,12 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
     table = RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
     if runs:
         table.warnings.append(f"{name}: holds several runs of the same columns: each is a segment")
+        told: dict[str, set[str]] = {}
+        for key, value in content.items():
+            if says_how_large(last := _in_its_run(key)) and last != key:
+                told.setdefault(last, set()).add(str(np.asarray(value).tolist()))
+        if changing := [key for key, values in told.items() if len(values) > 1]:
+            table.doubts = (f"{', '.join(changing)}: not the same in all runs, and the map has one for all.",)
         content = {_in_its_run(key): value for key, value in content.items()}
     elif variable is None and (left := [key for key in _speeds(content) if key not in names]):
         table.warnings.append(f"{name}: {', '.join(left[:MAX_NAMES_SHOWN])}: of another length and left out")

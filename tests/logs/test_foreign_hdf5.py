@@ -219,3 +219,17 @@ def test_a_unit_within_a_struct_is_of_its_values(tmp_path: Path) -> None:
     assert np.allclose(log.time_s, record.time_s)
     assert np.allclose(log.speed_rad_s, record.speed * np.pi / 3.0)
     assert np.allclose(log.current_A, record.current)
+
+
+def test_runs_of_different_factors_are_asked_about(tmp_path: Path) -> None:
+    """A recorder that chose its range anew for each run: no factor is taken for all of them."""
+    record = Record(6)
+    for factors, certain in (((0.25, 0.25), True), ((0.25, 0.5), False)):
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            for number, factor in enumerate(factors, 1):
+                group = file.create_group(f"run_{number}")
+                group["t"], group["current_A"] = record.time_s, record.current
+                speed = group.create_dataset("speed", data=np.round(record.speed * 300.0).astype(np.int32))
+                speed.attrs.update({"units": "rpm", "scale_factor": factor})
+        found = rw_ekf.guess_columns(tmp_path / "a.h5")
+        assert found.guess.is_certain == certain, [question.text for question in found.guess.questions]
