@@ -115,11 +115,12 @@ def _check(args: argparse.Namespace) -> None:
 def _named(args: argparse.Namespace) -> list[tuple[str, bool]]:
     """Each log to replay, and whether from its run's own start; a directory stands for its runs, oldest first."""
     from rw_ekf.console import logger
+    from rw_ekf.logs.parts import files_of_bag
     from rw_ekf.logs.run_directory import runs_of
 
     named = []
     for path in args.logs:
-        if not Path(path).is_dir():
+        if not Path(path).is_dir() or files_of_bag(Path(path)):
             named.append((path, args.as_run))
             continue
         runs, left_out = runs_of(Path(path))
