@@ -10,6 +10,7 @@ from rw_ekf.diagnosis.hypotheses.onset import with_better_onset
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.thresholds import KEPT_SHARE, LAW_BESIDE_EVENT
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
@@ -18,7 +19,6 @@ from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 _ZOOMS = 8
 _STARTS, _WORTH_FOLLOWING = 8, 0.3  # places of the bank that are followed, and their share of the strongest at least
 _FITTED = 2  # of those
-_PAIRS = 3  # of an event and a law, that are fitted: beside two laws there are fifteen, which take ten seconds
 
 
 def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> list[Score]:
@@ -84,8 +84,8 @@ def fitted_at(fit: Fit, score: Score, least_gain: float = -math.inf) -> Fit:
 def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
 
-    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew; to an end
-    those that its score makes likeliest.
+    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew; those of
+    few effects first, for a score says little of what an event gains where it is sought anew (64, and 191 found).
     """
     if not may_confound(fit, "time", "speed"):
         return fit
@@ -94,9 +94,13 @@ def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
         less = fit.refitted(model.without(name))
         score = event_scores(less, [CATALOGUE[name]], facts).get(name)
         if score is not None:
-            scored.append((score.statistic + _twice_log(less), less, score))
-    likeliest = sorted(scored, key=lambda item: -item[0])[:_PAIRS]
-    tried = [fitted_event(less, score, facts) for _, less, score in likeliest]
+            scored.append((len(less.model.effects.ids), -score.statistic - _twice_log(less), less, score))
+    tried, spent = [], fit.linearised.record.work
+    for _, _, less, score in sorted(scored, key=lambda item: item[:2]):
+        if tried and not spent.has(work.SEARCH):
+            spent.leave_out(f"{name} beside {', '.join(less.model.effects.ids) or 'the model'}")
+            break
+        tried.append(fitted_event(less, score, facts))
     return fit.refitted(max(tried, key=_twice_log).model.settled(name)) if tried else fit
 
 
