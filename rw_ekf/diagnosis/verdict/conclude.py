@@ -34,7 +34,8 @@ Advance = Callable[[str], object]
 def conclude(found: Found, advance: Advance) -> Diagnosis:
     """Judge, and write the document and the model."""
     judged = judgement(found, advance)
-    prepared, kept, course = found.prepared, found.prepared.kept, found.prepared.record.course
+    prepared = judged.found.prepared
+    kept, course = prepared.kept, prepared.record.course
     heldout = np.zeros(kept.size, dtype=bool)
     heldout[kept] = prepared.split.heldout
     return Diagnosis(
@@ -55,8 +56,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
 
 def judgement(found: Found, advance: Advance) -> Judged:
     """Weigh what was found, hold it against the held-out part and the tests of the residual, and name it."""
-    if found.new_ids and found.lattice is None and not found.figured.simulated:
-        found = replace(found, prepared=better_known(found.prepared, without_walk(found.figured)))
+    found = _by_better_known_numbers(found)
     prepared, selection = found.prepared, found.selection
     before = performance(prepared, selection.base)
     after = performance(prepared, found.figured) if found.new_ids else before
@@ -86,6 +86,19 @@ def judgement(found: Found, advance: Advance) -> Judged:
     uneven = None if rounded else unevenness(white, stands.trajectory.speed)
     kept = None if refusal is not None else model
     return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
+
+
+def _by_better_known_numbers(found: Found) -> Found:
+    """The same with the parts exchanged where what was found foretells worse and the other knows its numbers better.
+
+    It stands then by what that part says: one that does not know the numbers has no say (`confirmation.veto`).
+    """
+    if not found.new_ids or found.lattice is not None or found.figured.simulated:
+        return found
+    before, after = (performance(found.prepared, fit).figures for fit in (found.selection.base, found.figured))
+    if (percent_better(before, after) or 0.0) >= 0.0:
+        return found
+    return replace(found, prepared=better_known(found.prepared, without_walk(found.figured)))
 
 
 def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:
