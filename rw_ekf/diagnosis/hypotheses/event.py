@@ -95,7 +95,8 @@ def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
         score = event_scores(less, [CATALOGUE[name]], facts).get(name)
         if score is not None:
             scored.append((len(less.model.effects.ids), -score.statistic - _twice_log(less), less, score))
-    tried, spent = [], fit.linearised.record.work
+    tried: list[Fit] = []
+    spent = fit.linearised.record.work
     for _, _, less, score in sorted(scored, key=lambda item: item[:2]):
         if tried and not spent.has(work.SEARCH):
             spent.leave_out(f"{name} beside {', '.join(less.model.effects.ids) or 'the model'}")
