@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.checks.confirmation import better_known
 from rw_ekf.diagnosis.checks.heldout import performance
+from rw_ekf.diagnosis.checks.late_rows import said_of_late_rows
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
+from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
@@ -77,6 +79,7 @@ def _diagnosed(
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.record.work.start_clock()
     found = thoroughly_investigated(prepared, advance)
+    found = with_said_first(found, said_of_late_rows(found))
     advance("judging on the held-out part")
     told = conclude(found, advance)
     if len(logs) > 1 or logs[0].whole is None:
@@ -84,6 +87,14 @@ def _diagnosed(
     from rw_ekf.diagnosis.whole_log import held_against_all  # few logs are so long, and a replay is much to import
 
     return held_against_all(told, found, logs[0].whole, advance)
+
+
+def with_said_first(found: Found, sentence: str) -> Found:
+    """The same with a sentence more in front of the verdict."""
+    source = found.prepared.source
+    return replace(
+        found, prepared=replace(found.prepared, source=replace(source, said_first=source.said_first + sentence))
+    )
 
 
 def richer_part(prepared: Prepared) -> Prepared:

@@ -18,6 +18,7 @@ from rw_ekf.logs.row_rules import (
     backward_difference,
     block_means,
     decimated_rows,
+    from_next_row,
     held_current,
     new_rows,
     restarted,
@@ -123,6 +124,8 @@ class Assembly:
         values = {name: array[rows] for name, array in mapped.values.items()}
         position = None if mapped.position is None else mapped.position[0][rows]
         segment = segment[rows]
+        if columns.current_before:
+            values |= {name: from_next_row(values[name], segment) for name in _CURRENTS if name in values}
         if columns.decimate > 1:
             starts = decimated_rows(segment, columns.decimate)
             values = {

@@ -6,6 +6,7 @@
     delimiter: ";"    skip_rows: 3    header: false       how a CSV file is laid out
     rate_hz: 100      decimate: 10                        where there is no time column; keep every n-th row
     reverse: true                                         the last row is the first in time
+    current_before: true                                  a row's current was in force until it
     restarts: true                                        a segment begins wherever time falls back to its beginning
     repeats: drop                                         rows that repeat the one before; `spread`: coarse stamps
     variable: data    layout: cells                       what to take from a MATLAB file; a sheet, a group, a topic
@@ -68,6 +69,7 @@ class ColumnMap:
     rate_hz: float | None = None
     decimate: int = 1
     reverse: bool = False
+    current_before: bool = False  # a row's current was in force before it, from the row before on
     restarts: bool = False
     repeats: Repeats = "refuse"
     variable: str | None = None

@@ -158,6 +158,7 @@ class _Options(Section):
     rate_hz: float | None = Key(None, gt=0, le=1e6, description="where there is no time column [Hz]")
     decimate: int = Key(1, ge=1, description="keep every n-th row")
     reverse: bool | None = Key(None, description="whether the last row is the first in time")
+    current_before: bool = Key(False, description="whether a row's current was in force before it, not after it")
     restarts: bool = Key(False, description="whether a segment begins wherever time falls back to its beginning")
     repeats: Repeats = Key("refuse", description="rows of a time that was there: refuse, drop, or spread")
     variable: str | None = Key(None, min_length=1, description="variable of a MATLAB file")
@@ -192,6 +193,7 @@ def column_map_from(document: YamlDocument) -> ColumnMap:
         rate_hz=found.rate_hz,
         decimate=found.decimate,
         reverse=bool(found.reverse),
+        current_before=found.current_before,
         restarts=found.restarts,
         repeats=found.repeats,
         variable=found.variable,

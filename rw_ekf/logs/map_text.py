@@ -66,7 +66,8 @@ def map_of_guess(guess: Guess, log: str, given: ColumnMap) -> ColumnMap:
 
     found = column_map_from(parse_yaml(map_text(guess, log) + "{}\n" * (not guess.mapping()), f"columns of {log}"))
     return replace(found, csv=given.csv, decimate=given.decimate, reverse=given.reverse or found.reverse,
-                   variable=given.variable, layout=given.layout, dbc=given.dbc)  # fmt: skip
+                   current_before=given.current_before or found.current_before, variable=given.variable,
+                   layout=given.layout, dbc=given.dbc)  # fmt: skip
 
 
 def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:

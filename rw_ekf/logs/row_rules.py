@@ -105,6 +105,14 @@ def held_current(current_A: Float64Array, segment: Int64Array) -> tuple[Float64A
     return np.where(leading, 0.0, current_A[np.maximum(last, 0)]), int(leading.sum())
 
 
+def from_next_row(values: Float64Array, segment: Int64Array) -> Float64Array:
+    """What the next row of the segment has (n,); its last row what it has itself."""
+    taken = values.copy()
+    same = segment[1:] == segment[:-1]
+    taken[:-1][same] = values[1:][same]
+    return taken
+
+
 def decimated_rows(segment: Int64Array, every: int) -> NDArray[np.intp]:
     """Indices of every `every`-th row of each segment, its first row included."""
     row_in_segment = np.arange(len(segment)) - np.searchsorted(segment, segment)
