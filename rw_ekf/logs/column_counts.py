@@ -26,6 +26,7 @@ _INTERVAL = re.compile(
     rf"(?:per|pro|/|\bin|each|every|alle|of|interval|period)\W{{0,3}}(?:the )?(?:last )?{_TIMED}", re.IGNORECASE
 )
 _PAIRS = re.compile(r"pole[_ ]?pairs?\W{0,4}(\d{1,3})(?![\d.])|(?<![\d.])(\d{1,3}) ?pole[_ ]?pairs?", re.IGNORECASE)
+_POLES = re.compile(r"(?<![a-z])poles\W{0,4}(\d*[02468])(?![\d.])|(?<![\d.])(\d*[02468])[ _-]?poles\b", re.IGNORECASE)
 _COUNTS = re.compile(r"(\d{2,8})\s*(?:counts?|cnts?|inc\w*)\s*(?:/|per\s|pro\s)\s*(?:turn|rev|u\b|umdr)", re.IGNORECASE)
 _QUADRATURE = re.compile(
     r"quadratur|\b(x4|4x)\b|\blines?\b|\bppr\b|\d+ppr\b|\bslots?\b|strich|cycles per", re.IGNORECASE
@@ -77,5 +78,6 @@ def per_turn(table: RawTable, column: Column) -> float | None:
 def pole_pairs(table: RawTable, column: Column) -> float | None:
     """How many pole pairs the motor has, where the file says one number."""
     texts = (column.name, column.remark, *table.preamble)
-    found = {float(match[1] or match[2]) for text in texts for match in _PAIRS.finditer(text)}
+    numbers = ((each, match) for text in texts for each in (_PAIRS, _POLES) for match in each.finditer(text))
+    found = {float(match[1] or match[2]) / (2.0 if each is _POLES else 1.0) for each, match in numbers}
     return found.pop() if len(found) == 1 else None

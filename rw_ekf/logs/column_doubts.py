@@ -18,8 +18,8 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import SINCE_LAST
 from rw_ekf.logs.column_names import said_by, unit_in_prose
 from rw_ekf.logs.column_prose import hint_about
-from rw_ekf.logs.column_records import Column, Guess, Line
-from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.column_records import Column, Guess, Line, are_counts
+from rw_ekf.logs.column_units import size_of_count, unit_of
 from rw_ekf.logs.raw_table import RawTable
 
 _TWICE = 0.3  # of the rows have the time of the row before, where several wheels are told of at each
@@ -114,6 +114,8 @@ def _doubts(
         yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
     if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
+    if (size := size_of_count(column.unit)) is not None and not are_counts(column.values, size[0]):
+        yield f"{column.shown}: its numbers are no counts of {column.unit!r}: what are they in?", (line,)
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
         yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
@@ -128,8 +130,10 @@ def _doubts(
 def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
     line, column = one
     said, unit = column.said, column.said.unit
-    letters = [letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS]
     per = unit is not None and bool(unit.per)
+    letters = [
+        letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS and not (per and letter == "e")
+    ]
     if not per and (said.any_of(*_ELECTRICAL) or "e" in letters):
         yield f"{column.shown} may be electrical: is it the wheel's own, or how many pole pairs divide it?", (line,)
     elif letters:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
-from rw_ekf.logs.column_units import Unit, habitual_unit, unit_of
+from rw_ekf.logs.column_units import Unit, habitual_unit, unit_among, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.labels import owner_of
 from rw_ekf.logs.odd_columns import mark_of_missing, unsigned_turn
@@ -186,12 +186,13 @@ def columns_of(table: RawTable) -> list[Column]:
     """The columns that hold numbers, each with its role; a stamp's numbers are seconds."""
     found = []
     remarks = {**_dictionary(table), **table.remarks}
-    units, factors = _said_in_columns(table)
+    units, factors = said_in_columns(table)
     units, factors = {**units, **table.units}, {**factors, **table.factors}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        habit = habitual_unit(name, table.names)
-        said = said_by(name).in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
+        habit, own = habitual_unit(name, table.names), said_by(name)
+        own = own._replace(unit_text="", unit=None) if unit_among(name, table.names) else own
+        said = own.in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
         if said.unit_text == "c" and {f"{name[:-1]}{other}" for other in "abd"} & {*table.names}:
             said = said._replace(unit_text="", unit=None)  # the third of several sensors
         values = table.numbers(number, stamps=True)
@@ -200,7 +201,7 @@ def columns_of(table: RawTable) -> list[Column]:
         role = role_of(said) if name else "other"
         if role == "speed" and said.unit is None and _counts_rows(values):
             role = "count"
-        by_habit = said_by(name).unit is None and not units.get(name) and bool(habit)
+        by_habit = own.unit is None and not units.get(name) and bool(habit)
         mark = mark_of_missing(values) if role not in _COUNTING else None
         values = values if mark is None else np.where(values == mark, np.nan, values)
         unsigned = unsigned_turn(values) if role in _SIGNED else None
@@ -217,16 +218,22 @@ def columns_of(table: RawTable) -> list[Column]:
 def _factor_of(said: Factor, values: Float64Array, role: Role) -> tuple[float, float, str]:
     """By what a file says that numbers (n,) are multiplied and what is added, where they are counts as yet.
 
-    Else 1 and 0, and what it says. Counts are whole, and not all multiples of the factor, as products would be.
+    Else 1 and 0, and what it says.
     """
     factor, offset = (number_or_none(text or usual) for text, usual in ((said.factor, "1"), (said.offset, "0")))
     if (factor, offset) == (1.0, 0.0):
         return 1.0, 0.0, ""
-    known, unsure = values[np.isfinite(values)], (1.0, 0.0, f"factor {said.factor or 1}, offset {said.offset or 0}")
+    unsure = (1.0, 0.0, f"factor {said.factor or 1}, offset {said.offset or 0}")
     if not factor or offset is None or not np.isfinite([factor, offset]).all() or (offset and not said.is_added):
         return unsure
-    counts = bool(np.all(known == np.round(known))) and (abs(factor) < 1.0 or bool(np.any(known % factor)))
-    return (factor, offset, "") if counts and role not in ("angle", "count", "other") else unsure
+    usual = role not in ("angle", "count", "other") and are_counts(values, factor)
+    return (factor, offset, "") if usual else unsure
+
+
+def are_counts(values: Float64Array, factor: float) -> bool:
+    """Whether numbers (n,) are to be multiplied still: whole, and not all multiples of the factor, as products are."""
+    known = values[np.isfinite(values)]
+    return bool(np.all(known == np.round(known))) and (abs(factor) <= 1.0 or bool(np.any(known % factor)))
 
 
 def _without_raw(columns: list[Column]) -> list[Column]:
@@ -239,8 +246,11 @@ def _without_raw(columns: list[Column]) -> list[Column]:
     return columns
 
 
-def _said_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]:
-    """Units and factors that a column beside another has: `speed_unit`, `speed_scale` (no number where it changes)."""
+def said_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]:
+    """Units and factors that a column beside another has: `speed_unit`, `speed_scale`.
+
+    A factor is no number where it changes, or where the other's name has a unit too (`speed_rpm`): it is asked about.
+    """
     units: dict[str, str] = {}
     factors: dict[str, Factor] = {}
     for index, name in enumerate(table.names):
@@ -249,9 +259,16 @@ def _said_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]
         if said:
             units |= {other: said[0] for other in table.names if other in (owner, f"{owner}_value")}
         owner, kind = owner_of(name)
-        if kind == "factor" and owner in table.names:
-            factors[owner] = Factor("/".join(table.distinct(index, 2)) or "in each row", "")
+        owned = [other for other in table.names if _is_of(owner, other)] if kind == "factor" and owner else []
+        text = "/".join(table.distinct(index, 2)) if owned else ""
+        factors |= {other: Factor(text if other == owner and text else f"{text} in {name}", "") for other in owned}
     return units, factors
+
+
+def _is_of(owner: str, name: str) -> bool:
+    """Whether a name is another, or that with a unit behind it: `speed_rpm` is a `speed`."""
+    rest = name.removeprefix(owner) if name.startswith(owner) else "?"
+    return not rest or (rest[0] in "_ .[(" and unit_of(rest) is not None)
 
 
 def _counts_rows(values: Float64Array) -> bool:

@@ -138,6 +138,10 @@ _PUBLISHED_TOGETHER = {
     ): {
         "position": "rev", "velocity": "rev/s", "torque": "N m", "q_current": "A", "d_current": "A", "voltage": "V",
     },
+    # Betaflight's log of flights, by its viewer (blackbox-log-viewer, flightlog_fields_presenter.js): erpm in hundreds,
+    # and hundredths as blackbox_decode leaves them where the name has no unit.
+    frozenset({"loopIteration", "eRPM[0]"}): {f"eRPM[{motor}]": "100 erpm" for motor in range(8)},
+    frozenset({"loopIteration", "amperageLatest"}): {"amperageLatest": "0.01 A", "vbatLatest": "0.01 V"},
     **{  # of a JointState as `rostopic echo` prints it, with the stamp of ROS 1 or of ROS 2
         frozenset({f"header.stamp.{whole}", f"header.stamp.{part}", "position", "velocity", "effort"}): {
             "position": "rad", "velocity": "rad/s", "effort": "N m",
@@ -161,20 +165,33 @@ OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
 
 
 _SCALED = re.compile(r"x?(0?\.0*1|10+)[x.]?([^\d.].*)")  # a power of ten: 2 is the number of something
+_PER_COUNT = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)([^\d.].*?)(?:/|per)(?:lsb|bit|digit|count|cnt)s?")
+_PREFIXED = re.compile(r"([cd])(A|V|degC)")  # as MAVLink has them; in small letters `da` and `ca` are words
+_PREFIXES = {"c": 1e-2, "d": 1e-1}
 
 
 def unit_of(spelling: str) -> Unit | None:
     """What a unit means; None where it is none that is known. `0.1 rpm` is a tenth of one."""
     plain = plain_spelling(spelling)
-    scaled = None if plain in _SPELLINGS or "_" in spelling else _SCALED.fullmatch(plain)  # current_10_A: the tenth
-    if scaled is None or (unit := _SPELLINGS.get(scaled[2])) is None or unit.offset:
+    if (scaled := size_of_count(spelling)) is None and plain not in _SPELLINGS and "_" not in spelling:
+        match = _SCALED.fullmatch(plain)  # not of current_10_A: the tenth
+        scaled = None if match is None else (float(match[1]), match[2])
+    if scaled is None or (unit := _SPELLINGS.get(scaled[1])) is None or unit.offset:
         return _SPELLINGS.get(plain)
-    return unit._replace(factor=unit.factor * float(scaled[1]))
+    return unit._replace(factor=unit.factor * scaled[0])
+
+
+def size_of_count(spelling: str) -> tuple[float, str] | None:
+    """How many of which unit a count is, where its unit says so: `0.5 rpm/bit`, `10 mA per LSB`, `cA`."""
+    if (match := _PREFIXED.fullmatch(spelling)) is not None:
+        return _PREFIXES[match[1]], plain_spelling(match[2])
+    match = _PER_COUNT.fullmatch(plain_spelling(spelling))
+    return None if match is None else (float(match[1]), match[2])
 
 
 def plain_spelling(spelling: str) -> str:
     """A unit without what people write in different ways."""
-    text = spelling.strip().lower().translate(_PLAIN)
+    text = re.sub(r"(?<=\d),(?=\d)", ".", spelling.strip().lower()).translate(_PLAIN)
     return re.sub(r"[\s*·⋅×^_\[\](){}<>\"']|\*\*", "", text).rstrip(".")
 
 
@@ -183,8 +200,13 @@ def habitual_unit(name: str, beside: Collection[str] = ()) -> str:
 
     A name is compared from its end, in whole words of a path: `axis0.encoder.vel_estimate` and `vel_estimate` are one.
     """
+    return unit_among(name, beside) or next((unit for pattern, unit in _PUBLISHED if pattern.fullmatch(name)), "")
+
+
+def unit_among(name: str, beside: Collection[str]) -> str:
+    """The same, where the whole table shows which program it is, whatever the name alone would say; empty for none."""
     together = (units[name] for names, units in _PUBLISHED_TOGETHER.items() if name in units and names <= {*beside})
-    return next(together, "") or next((unit for pattern, unit in _PUBLISHED if pattern.fullmatch(name)), "")
+    return next(together, "")
 
 
 def with_unit(name: str, unit: str) -> str:

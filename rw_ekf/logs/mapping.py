@@ -10,9 +10,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.column_records import said_in_columns
 from rw_ekf.logs.column_words import BACKWARD, FORWARD
 from rw_ekf.logs.odd_columns import faults_of_column
-from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.row_rules import segment_ids, unwrapped
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
@@ -144,6 +145,7 @@ def _signs_of(table: RawTable, index: int) -> Float64Array:
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:
     """Columns that bear the log's own names need no mapping."""
+    factors = {**said_in_columns(table)[1], **table.factors}
     speed_is_mapped = any(name.startswith("speed_") for name in columns.sources)
     for name in READABLE_COLUMNS:
         if name in columns.sources or (speed_is_mapped and name.startswith("speed_")):
@@ -154,6 +156,13 @@ def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns
             source = Source("column", name)
             mapped.sources[name], mapped.values[name] = source, _finite(table, index, name)
             mapped.faults += faults_of_column("", name, source, mapped.values[name])
+            text = factors[name].factor if name in factors else ""
+            if text and (scale := number_or_none(text.partition(" in ")[0])) != 1.0:
+                line = source.line(name, scale=scale) if scale and np.isfinite(scale) else "`scale`"
+                mapped.warnings.append(
+                    f"{table.path}: {name} is taken as its name says, and beside it stands a factor, {text}: if its "
+                    f"numbers are still to be multiplied by that, a column map says so: {line}"
+                )
 
 
 def _make_time(table: RawTable, columns: ColumnMap, mapped: MappedColumns) -> None:

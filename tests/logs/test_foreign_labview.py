@@ -141,3 +141,16 @@ def test_a_property_that_scales_a_channel_is_asked_about(tmp_path: Path) -> None
             writer.write_segment([ChannelObject("g", "speed", np.round(record.speed * 300.0), said), current])
         found = rw_ekf.guess_columns(tmp_path / "a.tdms")
         assert any("scale: 0.1" in question.text for question in found.guess.questions) == asked
+
+
+def test_lvm_units_stand_above_their_columns(tmp_path: Path) -> None:
+    """Where each channel has times of its own, a unit is that of the column below it, and of no other."""
+    record = Record(5)
+    head = LVM_HEAD.format(point=",", columns="Multi") + "Channels\t3\nY_Unit_Label\trpm\t\tV\t\tA\t\n"
+    text = head + "***End_of_Header***\t\nX_Value\tTacho\tX_Value\tBoard\tX_Value\tStromzange\tComment\n"
+    for t, w, i in zip(record.time_s, record.speed, record.current, strict=True):
+        text += "\t".join(f"{float(number)!r}" for number in (t, w, t, 5.0, t, i)).replace(".", ",") + "\n"
+    (tmp_path / "a.lvm").write_text(text)
+    found = rw_ekf.guess_columns(tmp_path / "a.lvm").guess.mapping()
+    assert found["speed_rpm"] == {"column": "Tacho"}
+    assert found["current_A"] == {"column": "Stromzange"}

@@ -690,3 +690,73 @@ def test_two_devices_that_speak_in_words_are_asked_about(tmp_path: Path, run: rw
             ),
         )
         assert not found.guess.is_certain
+
+
+@pytest.mark.parametrize(
+    ("header", "per_rpm", "per_ampere"),
+    [
+        ("t_s,speed_raw (0.5 rpm/bit),current_raw (10 mA/bit)", 2.0, 100.0),
+        ('t_s,"speed [0,25 rpm/LSB]",current_cA', 4.0, 100.0),
+        ("t_s,rpm,current (dA)", 1.0, 10.0),
+    ],
+)
+def test_a_unit_says_how_large_a_count_is(
+    tmp_path: Path, run: rw_ekf.Log, header: str, per_rpm: float, per_ampere: float
+) -> None:
+    """Whole numbers are counts of what their unit says; of others it is asked whether they are multiplied already."""
+    counts = _csv(run, header, lambda i, t, w, c: f"{t!r},{round(w * RPM * per_rpm)},{round(c * per_ampere)}")
+    log = rw_ekf.read(_written(tmp_path / "a.csv", counts))
+    assert np.abs(log.speed_rad_s - run.speed_rad_s).max() <= 0.51 / per_rpm / RPM
+    assert np.abs(log.current_A - run.current_A).max() <= 0.51 / per_ampere
+    products = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert "current_A" in [question.name for question in _guess(tmp_path / "b.csv", products).guess.questions]
+
+
+@pytest.mark.parametrize(("scale", "warnings"), [("0.1", 1), ("1", 0)])
+def test_a_factor_beside_a_column_of_the_logs_own_name_is_warned_about(
+    tmp_path: Path, run: rw_ekf.Log, scale: str, warnings: int
+) -> None:
+    """`speed_rpm` is taken as its name says, and `speed_scale` beside it is said, unless it is 1."""
+    header = "time_s,speed_rpm,current_A,speed_scale"
+    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{scale}")
+    log = rw_ekf.read(_written(tmp_path / "a.csv", text))
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert len(log.warnings) == warnings
+    assert all("0.1 in speed_scale" in warning for warning in log.warnings)
+
+
+def test_a_factor_beside_a_name_with_a_unit_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`wheel_scale` is what `wheel_rpm` is times, or was: whole numbers alone do not tell."""
+    header = "t_s,wheel_rpm,current_A,wheel_scale"
+    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{round(w * RPM)},{c!r},0.1")
+    questions = _guess(tmp_path / "a.csv", text).guess.questions
+    assert [(question.name, "0.1 in wheel_scale" in question.text) for question in questions] == [("speed_rpm", True)]
+
+
+def test_betaflight_counts_erpm_in_hundreds(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """As blackbox-log-viewer reads its logs: eRPM in hundreds, half the poles divide it, currents in hundredths."""
+    head = '"Product","Blackbox flight data recorder"\n"motor_poles","14"\n'
+    names = "loopIteration,time,eRPM[0],amperageLatest"
+    text = _csv(
+        run, head + names,
+        lambda i, t, w, c: f"{i},{round(1e6 * t)},{round(7 * w * RPM / 100)},{round(100 * c)}",
+    )  # fmt: skip
+    log = rw_ekf.read(_written(tmp_path / "a.csv", text))
+    assert np.abs(log.speed_rad_s - run.speed_rad_s).max() <= 51.0 / 7.0 / RPM
+    assert np.abs(log.current_A - run.current_A).max() <= 0.0051
+
+
+def test_the_last_part_of_a_path_that_says_nothing_hides_no_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A message of one number calls it `data`: `/wheel/current_ma.data` is in mA."""
+    text = _csv(
+        run,
+        "t_s,/wheel/speed_rpm.data,/wheel/current_ma.data",
+        lambda i, t, w, c: f"{t!r},{w * RPM!r},{round(1e3 * c)}",
+    )
+    log = rw_ekf.read(_written(tmp_path / "a.csv", text))
+    assert np.abs(log.current_A - run.current_A).max() <= 0.00051
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path

@@ -48,8 +48,8 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         held.append(np.repeat(np.cumsum(starts).astype(np.float64), [len(block.rows) for block in blocks]))
         names = [*names, "segment"]
     lines = [line for block in blocks for line in block.lines]
-    channels = [column for column in blocks[0].names if not column.startswith("X_Value")]
-    units = dict(zip(channels, blocks[0].keys.get("Y_Unit_Label", []), strict=False))
+    above = zip(blocks[0].names[1:], blocks[0].keys.get("Y_Unit_Label", []), strict=False)  # each above its column
+    units = {column: unit for column, unit in above if unit.strip() and not column.startswith("X_Value")}
     dimensions = {cell.strip() for cell in blocks[0].keys.get("X_Dimension", ["Time"])} - {""}
     timed = dimensions == {"Time"}
     table = RawTable(name, tuple(names), held, len(lines), lambda row: f"line {lines[row]}")
