@@ -6,11 +6,20 @@ import argparse
 import gc
 import importlib
 import sys
+import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from rw_ekf import __version__
-from rw_ekf.console import abandon_output, nothing_printed, open_streams, printable_streams, settle_errors
+from rw_ekf.console import (
+    STATUS,
+    abandon_output,
+    nothing_printed,
+    open_streams,
+    printable_streams,
+    settle_errors,
+)
 from rw_ekf.errors import ConfigError, RwEkfError, UsageError
 from rw_ekf.one_thread import ask_for_one_thread
 
@@ -61,6 +70,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="`rw-ekf help VERB` shows a verb's options and an example, `rw-ekf help --man` a manual page, "
         "`rw-ekf help --completion bash` (zsh, tcsh) a script for the shell. Start with `rw-ekf simulate` or docs/.",
     )
+    _add_verbose(parser)
     parser.add_argument("-V", "--version", action="version", version=f"rw-ekf {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb, module_name in VERBS.items():
@@ -74,8 +84,15 @@ def build_parser() -> argparse.ArgumentParser:
         )
         module.add_arguments(sub)
         sub.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else there")
+        _add_verbose(sub)
         sub.set_defaults(execute=module.execute)
     return parser
+
+
+def _add_verbose(parser: argparse.ArgumentParser) -> None:
+    """Add -v, before a verb and behind it."""
+    what = "say what is done, on standard error"
+    parser.add_argument("-v", "--verbose", action="store_true", default=argparse.SUPPRESS, help=what)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -97,8 +114,12 @@ def _main(arguments: Sequence[str] | None) -> int:
     as_json = any(word.startswith("--j") and "--json".startswith(word) for word in words)
     try:
         args = _parsed(words)
+        STATUS.tells = "verbose" in args
+        began_s = time.monotonic()
+        STATUS.tell(f"{args.verb} of rw-ekf {__version__}, by Python {sys.version.split()[0]}, in {Path.cwd()}")
         status = args.execute(args)
         sys.stdout.flush()
+        STATUS.tell(f"{args.verb} took {time.monotonic() - began_s:.2f} s")
         return int(status)
     except ConfigError as error:
         return _fail(error.kind, error.findings, error.exit_status, as_json=as_json)

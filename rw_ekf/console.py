@@ -8,12 +8,15 @@ import logging
 import math
 import os
 import sys
+import time
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO, cast
 
 _TICK_S = 0.5
+_LINE_S = 10.0  # until the first line of progress where no line can be taken back, then twice as long each time
+_LONGEST_S = 60.0  # and no longer than this
 _LONG = 1.0e5  # beyond it, times mostly, six digits would lose the unit
 _TURNS = (0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A))  # and ends of lines that are none
 _UNSEEN = {code: f"\\u{code:04x}" for code in (*range(0x20), *range(0x7F, 0xA0), *_TURNS) if chr(code) not in "\n\t"}
@@ -25,6 +28,7 @@ class Status:
 
     def __init__(self) -> None:
         self._shown = ""
+        self.tells = False  # what is done, as it is done: -v
 
     @property
     def is_terminal(self) -> bool:
@@ -58,6 +62,11 @@ class Status:
             self._put(f"{text}\n")
         else:
             self._put(f"\r\x1b[K{text}\n{self._shown}")
+
+    def tell(self, text: str) -> None:
+        """Say what is done, to whom asked for that with -v."""
+        if self.tells:
+            self.say(printable(f"rw-ekf: {text}"))
 
     def leave(self) -> None:
         """Let the line stay as it is and begin a new one."""
@@ -208,31 +217,56 @@ def logger(log_format: str = "text") -> Any:
     return structlog.get_logger()
 
 
+class _Lines:
+    """What a bar is where no line can be taken back, in a pipe say: how far the work is, in a line now and then."""
+
+    def __init__(self, title: str, total: int | None, unit: str) -> None:
+        self.title, self.total, self.unit, self.n = title, total, unit, 0
+        self._begun = time.monotonic()
+
+    def update(self, n: int = 1) -> None:
+        self.n += n
+
+    def set_description(self, text: str) -> None:
+        self.title = text
+
+    def __str__(self) -> str:
+        of = "" if self.total is None else f" of {self.total}"
+        return f"{self.title}: {self.n}{of}{self.unit}, {time.monotonic() - self._begun:.0f} s"
+
+    def refresh(self) -> None:
+        STATUS.say(printable(f"rw-ekf: {self}"))
+
+
 @contextmanager
 def progress(title: str, total: int | None, unit: str = "", *, delay_s: float = 2.0) -> Iterator[Any]:
-    """Progress bar on standard error after delay_s, silent where no terminal can show it. Yields a tqdm to update.
+    """Progress on standard error: a bar after delay_s, or lines where no terminal shows one. Yields a tqdm to update.
 
     Its clock goes on while nothing is updated.
     """
     import threading
 
-    from tqdm import tqdm
+    ended, moves = threading.Event(), STATUS.is_terminal
+    bar: Any = _Lines(title, total, unit)
+    if moves:
+        from tqdm import tqdm
 
-    ended = threading.Event()
-    silent, file = not STATUS.is_terminal, _bare(sys.stderr)
-    with tqdm(total=total, desc=title, unit=unit, delay=delay_s, disable=silent, file=file, leave=False) as bar:
+        bar = tqdm(total=total, desc=title, unit=unit, delay=delay_s, file=_bare(sys.stderr), leave=False)
 
-        def tick() -> None:
-            if not ended.wait(delay_s):
-                while not ended.wait(_TICK_S):
-                    bar.refresh()
+    def tick() -> None:
+        if moves and ended.wait(delay_s):
+            return
+        wait_s = _TICK_S if moves else _LINE_S
+        while not ended.wait(wait_s):
+            bar.refresh()
+            wait_s = wait_s if moves else min(2.0 * wait_s, _LONGEST_S)
 
-        clock = threading.Thread(target=tick, name="progress-clock", daemon=True)
-        if not bar.disable:
-            clock.start()
-        try:
-            yield bar
-        finally:
-            ended.set()
-            if clock.is_alive():
-                clock.join()
+    clock = threading.Thread(target=tick, name="progress-clock", daemon=True)
+    clock.start()
+    try:
+        yield bar
+    finally:
+        ended.set()
+        clock.join()
+        if moves:
+            bar.close()

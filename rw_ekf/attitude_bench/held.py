@@ -78,6 +78,15 @@ class Bench(Shown):
         return tables if self.answers is None else [*tables, spike_table.table_of(self.answers)]
 
 
+def count_of_runs(
+    schemes: Sequence[str], scenario: Scenario, seeds: int, *, with_robustness: bool, with_spikes: bool
+) -> int:
+    """How many runs `hold_bench` makes."""
+    count = len(entries_of(schemes, scenario, seeds))
+    count += robustness.runs_of(schemes, seeds) if with_robustness else 0
+    return count + (len(schemes) * len(scenario.cycle.speed_noise_rpm) if with_spikes else 0)
+
+
 def hold_bench(
     schemes: Sequence[str],
     scenario: Scenario,
@@ -89,9 +98,7 @@ def hold_bench(
     advance: Callable[[int], object] = lambda of: None,
 ) -> Bench:
     """Run everything that is asked for, in processes of their own; advance(of) is called as each of so many is done."""
-    of = len(entries_of(schemes, scenario, seeds))
-    of += robustness.runs_of(schemes, seeds) if with_robustness else 0
-    of += len(schemes) * len(scenario.cycle.speed_noise_rpm) if with_spikes else 0
+    of = count_of_runs(schemes, scenario, seeds, with_robustness=with_robustness, with_spikes=with_spikes)
 
     def tick(_: int) -> None:
         advance(of)

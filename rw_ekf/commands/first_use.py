@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from rw_ekf.console import STATUS
+
 
 def make_ready(kernels: Sequence[str]) -> None:
     """Compile what is lacking of `kernels` (names of `rw_ekf.compile_ahead`); silent where nothing is.
@@ -16,6 +18,7 @@ def make_ready(kernels: Sequence[str]) -> None:
 
     missing = cold(kernels)
     if not missing:
+        STATUS.tell(f"{len(kernels)} numerical routines are compiled already")
         return
     from rw_ekf.c_code.c_library import FOLDER_VARIABLE, CompilerError, compiler
     from rw_ekf.compiled import stay_plain

@@ -8,11 +8,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.console import STATUS
+
 if TYPE_CHECKING:
     from rw_ekf.checking.effect_file import OwnFormula
     from rw_ekf.effects.own_effect import OwnEffect
     from rw_ekf.learning.run_start import GivenModel
     from rw_ekf.logs.column_map import ColumnMap
+    from rw_ekf.logs.long_log import LongLog
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
@@ -72,6 +75,7 @@ def read_configuration(args: argparse.Namespace) -> Configuration | None:
         return None
     from rw_ekf.settings.load import load_configuration
 
+    STATUS.tell(f"reads the configuration {args.config}")
     return load_configuration(args.config, args.wheel)
 
 
@@ -82,6 +86,7 @@ def read_wheel_model(path: str | None, configuration: Configuration | None = Non
         return None
     from rw_ekf.wheel.model_file import read_model
 
+    STATUS.tell(f"reads the model {named}")
     return read_model(Path(named))
 
 
@@ -163,14 +168,30 @@ def read_logs(paths: list[str], columns: str | None, *, excerpts: bool = False) 
     from rw_ekf.logs.reader import read_log
 
     column_map = read_column_map(columns)
-    return [read_log_or_excerpt(path, column_map) if excerpts else read_log(path, column_map) for path in paths]
+    logs = [read_log_or_excerpt(path, column_map) if excerpts else read_log(path, column_map) for path in paths]
+    for log in logs:
+        tell_of_log(log)
+    return logs
+
+
+def tell_of_log(log: WheelLog | LongLog) -> None:
+    """Say what was read, where -v asks for that: its rows, and which column of the file is what."""
+    from rw_ekf.logs.wheel_log import WheelLog
+
+    sources = log.sources.items() if isinstance(log, WheelLog) else ()
+    told = "; ".join(f"{name} is column {source.column!r}" for name, source in sources if source.kind != "constant")
+    STATUS.tell(f"has read {log.name}: {len(log)} rows{f'; {told}' if told else ''}")
 
 
 def read_column_map(columns: str | None) -> ColumnMap:
     """The column map that is named, or that of a log's own names. Raises ConfigError."""
     from rw_ekf.logs.column_map import ColumnMap, load_column_map
 
-    return ColumnMap() if columns is None else load_column_map(map_path(columns))
+    if columns is None:
+        return ColumnMap()
+    path = map_path(columns)
+    STATUS.tell(f"reads the column map {path}")
+    return load_column_map(path)
 
 
 def map_path(name: str) -> Path:
@@ -193,6 +214,7 @@ def refuse_to_overwrite(outputs: Iterable[str | None], inputs: Iterable[str | No
     for name in outputs:
         if name is None:
             continue
+        STATUS.tell(f"will write {name}")
         place = Path(name)
         same_name = not place.exists() and place.absolute() in [path.absolute() for path in named]
         if same_name or (place.exists() and any(path.exists() and path.samefile(place) for path in read)):

@@ -18,6 +18,7 @@ from rw_ekf.commands.inputs import (
     read_configuration,
     read_wheel_model,
     refuse_to_overwrite,
+    tell_of_log,
 )
 from rw_ekf.commands.undrawn import drawn
 from rw_ekf.errors import BadInputError
@@ -188,7 +189,9 @@ class _Work:
             try:
                 carried = () if start is None else start.effects.columns
                 long = long_log_of(Path(path), columns, carried) if in_parts else None
-                return long or read_log(path, columns)
+                log = long or read_log(path, columns)
+                tell_of_log(log)
+                return log
             except EmptyLogError as error:
                 if path in self.args.logs:
                     raise

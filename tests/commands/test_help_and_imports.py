@@ -235,3 +235,18 @@ def test_a_shell_is_told_how_to_complete(capsys: pytest.CaptureFixture[str]) -> 
     assert "--duration" in script
     assert main(["help", "--completion", "fish"]) == 2
     assert "bash, zsh, tcsh" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("place", [0, 3])
+def test_verbose_says_what_is_done_on_standard_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: int
+) -> None:
+    """-v before the verb or behind it: what is read, what will be written, how long it took; without it nothing."""
+    log, out = tmp_path / "a.csv", tmp_path / "b.csv"
+    log.write_text("time_s,speed_rpm,current_A\n" + "".join(f"{0.1 * i:.1f},{i},0.1\n" for i in range(20)))
+    words = ["export", str(log), str(out)]
+    assert main([*words[:place], "-v", *words[place:]]) == 0
+    printed, said = capsys.readouterr()
+    assert [f"will write {out}" in said, f"has read {log}: 20 rows" in said, "export took" in said] == [True] * 3
+    assert main(words) == 0
+    assert capsys.readouterr() == (printed, "")

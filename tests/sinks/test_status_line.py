@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import time
 
 import pytest
 from hypothesis import given
@@ -103,6 +104,23 @@ def test_colour_and_cursor_are_used_where_they_are_wanted(
     shown(StatusLine(notes, VirtualClock(), lambda: None, every_s=0.0, log_every_s=0.0), 5.0)
     assert ("\x1b" in screen.take()) is moves
     assert notes.events == ([] if moves else ["running"])
+
+
+def test_a_pipe_is_told_how_far_the_work_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where no line can be taken back, progress is whole lines, later and later; short work says nothing."""
+    monkeypatch.setattr(console, "_LINE_S", 0.01)
+    with console.progress("work", 4, " runs") as bar:
+        bar.update(3)
+        time.sleep(0.2)
+    said = capsys.readouterr().err.splitlines()
+    assert 1 <= len(said) <= 4  # after 0.01, 0.03, 0.07 and 0.15 s
+    assert set(said) == {"rw-ekf: work: 3 of 4 runs, 0 s"}
+    monkeypatch.setattr(console, "_LINE_S", 60.0)
+    with console.progress("work", 4, " runs") as bar:
+        bar.update(4)
+    assert capsys.readouterr().err == ""
 
 
 def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
