@@ -12,12 +12,11 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import interval_of, is_since_last, per_turn, pole_pairs
 from rw_ekf.logs.column_records import Column, Guess, Line, chosen
 from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.odd_columns import COUNTERS, turn_of
 from rw_ekf.logs.raw_table import RawTable
 
 _TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at less than that and no more
-_TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 4000.0, 3600.0)
 _TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
-_FULL = 0.97  # of a turn, which an angle that begins anew covers
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
 
@@ -160,14 +159,17 @@ def _counts_line(
 
 def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess) -> Column:
     """The speed as the rate of an angle."""
-    turn = _turn_of(column)
     unit = column.unit or told.unit("angle_rad", "speed_rad_s")
-    known = unit_of(unit)
     more = told.more.get("speed_rad_s", {})
+    said = more.get("counts_per_turn") or per_turn(table, column)
+    turn = _turn_of(column, said)
+    unit = unit or ("counts" if turn is not None and (said or turn in COUNTERS) else "")
+    known = unit_of(unit)
     entry: dict[str, object] = {"derivative_of": column.key}
     entry |= {} if column.missing is None else {"missing": column.missing}
+    entry |= {} if turn is None else {"wrap": turn}
     if known is not None and known.per:
-        per = per_turn(table, column) or more.get(known.per) or turn
+        per = said or (None if turn in COUNTERS else turn)
         entry |= {"unit": unit, known.per: per or 4096}
         if per is None:
             text = f"{column.shown} is in {unit}: how many to a turn? --set speed.counts_per_turn=N."
@@ -183,24 +185,17 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
         guess.ask("speed_rad_s", text, *answers)
         return column
     why = f"there is no speed: it is the rate of {column.shown}"
-    if turn is not None:
-        entry["wrap"] = turn
-        why += f", which begins anew after {turn:.6g}"
+    why += f", which begins anew after {turn:.6g}" if turn is not None else ""
     guess.take("speed_rad_s", entry | {key: value for key, value in more.items() if key != "unit"}, why)
     return column
 
 
-def _turn_of(column: Column) -> float | None:
-    """After how much an angle begins anew; None where it does not."""
-    values = column.values[np.isfinite(column.values)]
-    spread, change = float(np.ptp(values)), np.diff(values)
+def _turn_of(column: Column, counts: object = None) -> float | None:
+    """After how much an angle begins anew; None where it does not. counts: of a turn, where somebody says so."""
     unit = column.said.unit
-    turns = _TURNS if unit is None or unit.per else (2.0 * math.pi / unit.factor,)
-    for turn in turns:
-        jumps = np.abs(change) > 0.5 * turn
-        if _FULL * turn <= spread <= turn * (1.0 + 1.0e-9) and jumps.any():
-            return turn
-    return None
+    if unit is not None and not unit.per:
+        return turn_of(column.values, (2.0 * math.pi / unit.factor,), only=True)
+    return turn_of(column.values, (counts,) if isinstance(counts, float) else ())
 
 
 def _direction(columns: list[Column], speed: Column) -> Column | None:

@@ -7,7 +7,7 @@ and is differentiated; a clock that was set back. What only the motion shows is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,13 +19,14 @@ from rw_ekf.units import RAD_S_PER_RPM
 
 _SPEEDS = {"speed_rpm": unit_of("rpm"), "speed_rad_s": unit_of("rad/s")}  # whose name says the unit
 _SAME = 1.05  # a scale that agrees with the name
-_COUNTERS = (2.0**16, 2.0**32)
+COUNTERS = (2.0**16, 2.0**32)  # which begin anew there, whatever they count
 _STEPS = (1.0, 0.1, 0.01, 1e-3, 1e-4)  # of a counter that was written in another unit
 _EMPTY = (0.25, 0.75)  # of its range: nothing lies between small positive numbers and small negative ones
 _NEAR_END = 0.99  # of its range: so near come small negative numbers, and hardly anything else
 _LEAST_ROWS = 3
-_TURNS = (2.0 * math.pi, 360.0, *(2.0**bits for bits in range(8, 25)), 2.0**32, 4000.0, 1.0)
+_TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 2.0**32, 4000.0, 3600.0)
 _FULL = 0.9  # of a turn, which an angle that begins anew covers
+_SAME_TURN = 0.01  # of itself: 4000 counts and 4096 differ by more, what a jump says of a turn by less
 _EVEN = 0.3  # of the usual step, by which a regular clock may be early or late
 _MOSTLY = 0.8
 _LANDS = 10.0  # steps: a clock that begins anew begins near where it began
@@ -108,7 +109,7 @@ def unsigned_turn(values: Float64Array) -> tuple[float, int] | None:
     if values.size < 2 * _LEAST_ROWS or float(values.min()) < 0.0:
         return None
     for step in _STEPS:
-        for size in _COUNTERS:
+        for size in COUNTERS:
             full = size * step
             if not _NEAR_END * full <= float(values.max()) < full:
                 continue
@@ -134,20 +135,34 @@ def _unsigned_counter(name: str, source: Source, values: Float64Array) -> str | 
 
 def _begins_anew(name: str, source: Source, values: Float64Array) -> str | None:
     """An angle or counter that falls back after a full turn, and whose derivative is the speed."""
-    spread = float(np.ptp(values))
+    if (turn := turn_of(values)) is None:
+        return None
     change = np.diff(values)
-    for turn in _TURNS:
-        jumps = np.abs(change) > 0.5 * turn
-        if not (_FULL * turn <= spread <= turn * (1.0 + 1.0e-9) and jumps.any()):
-            continue
-        mended = change - turn * np.round(change / turn)
-        fast = float(np.quantile(np.abs(mended), 0.99)) > 0.4 * turn
-        also = "; it turns half a turn and more from row to row, which no map mends: log it faster" if fast else ""
-        return (
-            f"column '{source.column}' begins anew after {turn:.10g}, {int(jumps.sum())} times, and each time its "
-            f"derivative, the speed, jumps: {source.line(name, wrap=turn)}{also}"
-        )
-    return None
+    mended = change - turn * np.round(change / turn)
+    fast = float(np.quantile(np.abs(mended), 0.99)) > 0.4 * turn
+    also = "; it turns half a turn and more from row to row, which no map mends: log it faster" if fast else ""
+    jumps = int(np.sum(np.abs(change) > 0.5 * turn))
+    return (
+        f"column '{source.column}' begins anew after {turn:.10g}, {jumps} times, and each time its "
+        f"derivative, the speed, jumps: {source.line(name, wrap=turn)}{also}"
+    )
+
+
+def turn_of(values: Float64Array, turns: Sequence[float] = (), *, only: bool = False) -> float | None:
+    """After how much an angle (n,) begins anew: one of `turns`, or (unless only these) of the usual ones; or None.
+
+    Where there is a choice, it jumps by what it goes from row to row there less a turn, which says which one it is.
+    """
+    values = values[np.isfinite(values)]
+    spread, change = float(np.ptp(values)), np.diff(values)
+    fits = [turn for turn in (*turns, *(() if only else _TURNS)) if _FULL * turn <= spread <= turn * (1.0 + 1.0e-9)]
+    fits = [turn for turn in fits if (np.abs(change) > 0.5 * turn).any()]
+    at = np.flatnonzero(np.abs(change) > 0.5 * spread)
+    at = at[(at > 0) & (at < change.size - 1)]
+    if fits and at.size and not only:
+        jump = float(np.median(np.abs(change[at] - 0.5 * (change[at - 1] + change[at + 1]))))
+        fits = sorted((turn for turn in fits if abs(jump / turn - 1.0) < _SAME_TURN), key=lambda turn: abs(jump - turn))
+    return fits[0] if fits else None
 
 
 def clock_set_back(

@@ -757,6 +757,27 @@ def test_the_last_part_of_a_path_that_says_nothing_hides_no_unit(tmp_path: Path,
     assert np.abs(log.current_A - run.current_A).max() <= 0.00051
 
 
+@pytest.mark.parametrize(
+    ("per_turn", "wrap"),
+    [*((per, per) for per in (1000, 2400, 4000, 4096, 8000, 8192, 20000)), (4096, 65536), (4000, 65536)],
+)
+def test_an_encoder_begins_anew_where_its_jumps_say(tmp_path: Path, per_turn: int, wrap: int) -> None:
+    """4000 counts are not taken for 4096, nor a counter's 16 bits for a turn: what no line says is asked."""
+    fast = rw_ekf.simulate("steps", duration_s=60.0, seed=6)
+    time_s = np.arange(0.0, 59.0, 0.004)
+    speed = np.interp(time_s, fast.time_s, fast.speed_rad_s)
+    counts = np.floor(np.cumsum(speed) * 0.004 / (2.0 * math.pi) * per_turn).astype(int) % wrap
+    current = np.interp(time_s, fast.time_s, fast.current_A)
+    rows = "".join(
+        f"{t:.3f},{n},{c:.4f}\n" for t, n, c in zip(time_s.tolist(), counts.tolist(), current.tolist(), strict=True)
+    )
+    said = f"# encoder: {per_turn} counts per turn\ntime_s,enc_counts,current_A\n"
+    log = rw_ekf.read(_written(tmp_path / "said.csv", said + rows))
+    assert np.nanmax(np.abs(log.speed_rad_s - speed)) < 1.1 * 2.0 * math.pi / per_turn / 0.004
+    found = _guess(tmp_path / "wordless.csv", "time_s,enc_counts,current_A\n" + rows).guess
+    assert found.is_certain == (per_turn in (4000, 4096, 8192) and wrap == per_turn)
+
+
 def _written(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
