@@ -30,7 +30,7 @@ _LETTERS = {"e": "electrical", "d": "desired, or of the d axis", "s": "of the st
 _OTHER_MACHINES = (
     "fan", "pump", "spindle", "turntable", "platform", "body", "satellite", "spacecraft", "gimbal", "gyro", "imu",
     "load", "dyno", "yaw", "pitch", "roll", "pend", "pendulum", "base", "plate", "arm", "abtrieb", "abtriebsdrehzahl",
-    "predicted", "simulated", "sim", "model",
+    "predicted", "simulated", "sim", "model", "gear", "gearbox", "getriebe",
 )  # fmt: skip
 _NOT_SUMMED = re.compile(
     r"delta|\bdiff|increments?\b|inkremente|per (row|sample)|\b(every|each)\b|\bsince (the )?(last|prev)", re.IGNORECASE
@@ -134,8 +134,10 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
     letters = [
         letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS and not (per and letter == "e")
     ]
-    if not per and (said.any_of(*_ELECTRICAL) or "e" in letters):
-        yield f"{column.shown} may be electrical: is it the wheel's own, or how many pole pairs divide it?", (line,)
+    if not (per or unit_was_set) and (said.any_of(*_ELECTRICAL) or "e" in letters):
+        divided = Line("speed_rad_s", line.entry | {"unit": "erpm", "pole_pairs": 7}, "")
+        text = f"{column.shown} may be electrical: has it been divided by the pole pairs, and by how many if not?"
+        yield text, (line, divided)
     elif letters:
         yield (
             f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",
@@ -190,10 +192,9 @@ def _contradicting_unit(column: Column, table: RawTable) -> str:
     known = unit_of(remarked) if remarked else None
     if known is not None and spelt.unit not in (None, known) and spelt.unit.quantity == known.quantity:
         return remarked
-    for word, unit in (("rpm", unit_of("rpm")), ("erpm", unit_of("erpm")), ("krpm", unit_of("krpm"))):
-        if spelt.any_of(word) and spelt.unit is not None and spelt.unit != unit and spelt.unit.quantity == "speed":
-            return word
-    return ""
+    another = spelt.unit is not None and spelt.unit.quantity == "speed"
+    words = (word for word in ("rpm", "erpm", "krpm") if spelt.any_of(word) and spelt.unit != unit_of(word))
+    return next(words, "") if another else ""
 
 
 def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -> None:

@@ -47,11 +47,6 @@ def find_speed(
         return column
     if what == "angle":
         return _rate_of_angle(table, column, told, guess)
-    if column.said.any_of("electrical", "elec") and not told_unit:
-        text = f"{column.shown} is electrical: has it been divided by the pole pairs, and by how many if not?"
-        as_it_is = _speed_line(column, column.unit or "rpm", "", None, told)
-        guess.ask("speed_rad_s", text, as_it_is, Line("speed_rad_s", column.entry("erpm", pole_pairs=7), ""))
-        return column
     told_unit = told_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
     unit, why = _speed_unit(column, angles, time_s, told_unit)
     assumed = unit is not None and not (told_unit or (column.unit and not column.by_habit) or _unit_in_words(column))
@@ -115,8 +110,6 @@ def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | Non
 
 def _unit_in_words(column: Column) -> str:
     """A unit that is one of the words of a name; empty for none."""
-    if column.name in {"speed_rad_s", "speed_rpm"}:
-        return column.name
     return next((word for word in ("erpm", "krpm", "rpm", "dps") if column.said.any_of(word, f"rpm{word}")), "")
 
 

@@ -166,8 +166,7 @@ OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
 
 _SCALED = re.compile(r"x?(0?\.0*1|10+)[x.]?([^\d.].*)")  # a power of ten: 2 is the number of something
 _PER_COUNT = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)([^\d.].*?)(?:/|per)(?:lsb|bit|digit|count|cnt)s?")
-_PREFIXED = re.compile(r"([cd])(A|V|degC)")  # as MAVLink has them; in small letters `da` and `ca` are words
-_PREFIXES = {"c": 1e-2, "d": 1e-1}
+_PREFIXED = {"cA": (0.01, "a"), "dA": (0.1, "a"), "cV": (0.01, "v"), "dV": (0.1, "v")}  # MAVLink's; `ca` is a word
 
 
 def unit_of(spelling: str) -> Unit | None:
@@ -183,10 +182,8 @@ def unit_of(spelling: str) -> Unit | None:
 
 def size_of_count(spelling: str) -> tuple[float, str] | None:
     """How many of which unit a count is, where its unit says so: `0.5 rpm/bit`, `10 mA per LSB`, `cA`."""
-    if (match := _PREFIXED.fullmatch(spelling)) is not None:
-        return _PREFIXES[match[1]], plain_spelling(match[2])
     match = _PER_COUNT.fullmatch(plain_spelling(spelling))
-    return None if match is None else (float(match[1]), match[2])
+    return _PREFIXED.get(spelling) if match is None else (float(match[1]), match[2])
 
 
 def plain_spelling(spelling: str) -> str:
@@ -204,9 +201,8 @@ def habitual_unit(name: str, beside: Collection[str] = ()) -> str:
 
 
 def unit_among(name: str, beside: Collection[str]) -> str:
-    """The same, where the whole table shows which program it is, whatever the name alone would say; empty for none."""
-    together = (units[name] for names, units in _PUBLISHED_TOGETHER.items() if name in units and names <= {*beside})
-    return next(together, "")
+    """The same where the names of the table show which program it is, whatever the name alone would say."""
+    return next((held[name] for names, held in _PUBLISHED_TOGETHER.items() if name in held and names <= {*beside}), "")
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -344,7 +344,7 @@ def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, ru
     t [cs],rpm,current_A        t_s,rpm,current_limit_A     t_s,rpm,I_mon [V]       t_s,rpm,ACS712 [V]
     t_s,rpm,humidity [%]        t_s,rpm,axial load [N]      t_s,rpm,reaction torque [mNm]
     t_s,motor speed (Hz),current_A      t_s,n* [rpm],current_A      t_s,yaw_rate_rad_s,rw_current_A
-    t_s,n(A) [rpm],i_A
+    t_s,n(A) [rpm],i_A      t_s,gearbox_output_rpm,current_A
     t_s,rpm1,current2_A     t_s,left_rpm,right_current_A        ,Load machine,Wheel motor|t_s,n [rpm],I [A]
     ;Sollwert;Istwert|t_s;n [rpm];i [A]     # speed scale factor 0.1, not yet applied|t_s,rpm,current_A
     # eRPM read directly from the ESC, 14 poles|t_s,rpm,current_A       # resolution 0.125 rpm per bit|t_s,rpm,current_A
