@@ -57,6 +57,9 @@ KINDS: dict[str, FaultKind] = {
     "spike": FaultKind(WHEEL, None, {"number": 500.0, "share": ALL}, "the speed reads `number` rpm off, either way"),
     "nack": FaultKind(WHEEL, None, {"count": 4, "share": ALL}, "a write is refused with status `count`, and not done"),
     "nack-acted": FaultKind(WHEEL, None, {"count": 4, "share": ALL}, "a write is done, and refused all the same"),
+    "residue": FaultKind(
+        WHEEL, None, {"number": 0.3}, "a current of zero is acknowledged, and `number` times the last one is left on"
+    ),
     "flag": FaultKind(WHEEL, None, {"count": 1}, "the flags `count` of the status register are up"),
     "heat": FaultKind(WHEEL, None, {"number": 80.0}, "the wheel is `number` degC hot"),
     "reset": FaultKind(WHEEL, None, {}, "the wheel restarts: idle, no current, uptime from 0; once a stretch"),

@@ -187,7 +187,7 @@ class RegisterServer:
         if self.fault and current_A != 0.0:
             return REFUSED
         self.mode = CURRENT
-        self._drive(current_A)
+        self._drive(self._spoilt.in_force(current_A, self.plant.time_s))
         return OK
 
     def _enter(self, mode: int) -> None:

@@ -75,6 +75,14 @@ class WheelFaults:
                 return Refusal(fault.fault.count, acts)
         return None
 
+    def in_force(self, current_A: float, time_s: float) -> float:
+        """The current that a write of `current_A` has in force."""
+        for fault in self._faults.by_kind(time_s).get("residue", ()):
+            if current_A == 0.0:
+                return fault.fault.number * fault.memory.get("last", 0.0)
+            fault.memory["last"] = current_A
+        return current_A
+
     def telemetry(self, register: Register, values: Mapping[str, float], time_s: float) -> dict[str, float]:
         """The SI values that the register tells in place of the true ones."""
         told = dict(values)

@@ -14,6 +14,7 @@ from rw_ekf.live.guard import SafetyLimits, SpeedLimit
 from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.live.timing import SampleTime
+from rw_ekf.live.zero_sight import Slowing
 from rw_ekf.records import (
     Controller,
     IssuedCommand,
@@ -114,13 +115,15 @@ class LiveWheel:
         check: TelemetryCheck,
         hold: Callable[[], str | None] | None = None,
         speed_limit: Callable[[], SpeedLimit] = SpeedLimit,
+        slowing: Slowing = lambda speed_rad_s: None,
     ) -> None:
         """Let `check` judge every reading; at first one does that has no model, and knows what the wheel itself says.
 
         hold: why nothing but zero may be written now, or None; usually what `check` says. speed_limit: what else than
-        the reading is held against the limit.
+        the reading is held against the limit. slowing: the friction, as far as it is known (`ZeroSight`).
         """
         self._connection.guard.speed_limit = speed_limit
+        self._connection.guard.slowing = slowing
         self.check = check
         check.attached(self.driver.identity)
         self._hold = hold if hold is not None else lambda: check.hold

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from rw_ekf.live.guard import BRAKE_ACCELERATES, SafetyLimits, SpeedLimit
 from rw_ekf.live.run_states import RunStates, Turn
 from rw_ekf.live.telemetry import STUCK, TelemetryCheck
+from rw_ekf.model.friction import Stribeck
 from rw_ekf.records import (
     OTHER_MODE,
     OVER_TEMPERATURE,
@@ -17,6 +18,7 @@ from rw_ekf.records import (
     LinkState,
     Outcome,
     Reading,
+    RunState,
     StateNow,
     WheelSample,
 )
@@ -69,14 +71,20 @@ class RunJudge:
         belief: Callable[[], ParameterBelief],
         *,
         tells_temperature: bool,
+        stribeck: Stribeck | None = None,
     ) -> None:
-        """sign: the watch over the gain. belief: what the estimator believes at present."""
+        """sign: the watch over the gain. belief: what the estimator believes at present.
+
+        stribeck: None where the model has effects besides, and the four parameters are not all of the friction.
+        """
         self._states = states
         self._check = check
         self._limits = limits
         self._period_s = period_s
         self._sign = sign
         self._belief = belief
+        self._stribeck = stribeck
+        self._driven: ParameterBelief | None = None  # what was believed when the wheel was driven last
         self._tells_temperature = tells_temperature
         self._charge = ChargeSpeed(sign.expected)
         safe_after_s = limits.safe_after_s
@@ -100,6 +108,15 @@ class RunJudge:
     def speed_limit(self) -> SpeedLimit:
         """What else than the reading the guard holds against the speed limit."""
         return SpeedLimit(self._charge.speed_rad_s, self._share())
+
+    def slowing(self, speed_rad_s: float) -> tuple[float, float] | None:
+        """The friction at a speed, as it was believed while a current was in force last, and its sigma [rad/s^2].
+
+        What was learnt from coasting is no judge of whether the wheel coasts. None where nothing is to be believed.
+        """
+        if self._driven is None or self._stribeck is None or not self._driven.is_physical:
+            return None
+        return self._driven.friction(speed_rad_s, *self._stribeck)
 
     def judge(self, reading: Reading, estimate: Estimate | None) -> StateNow:
         """State after this turn; estimate: what the filter made of the sample, None where there was none."""
@@ -135,6 +152,8 @@ class RunJudge:
         if command is None:
             return
         self._command_A = command.current_A
+        if command.current_A != 0.0 and self._states.now.state is RunState.TRACKING:
+            self._driven = self._belief()
         if command.reason == BRAKE_ACCELERATES:
             self._states.latch("above the speed limit the current that should brake the wheel sped it up")
         if self._unheeded.is_over(not command.heeded, self._period_s):

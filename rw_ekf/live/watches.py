@@ -79,8 +79,9 @@ class RunWatches:
             self.sign_watch,
             belief,
             tells_temperature=protocol.limits.hottest_degC is not None,
+            stribeck=None if start.setup.effects.size else constants.stribeck,
         )
-        live.judged_by(self.check, lambda: self.judge.hold, self.judge.speed_limit)
+        live.judged_by(self.check, lambda: self.judge.hold, self.judge.speed_limit, self.judge.slowing)
         self.sign = SignCheck(
             self.sign_watch,
             protocol.scale_places,

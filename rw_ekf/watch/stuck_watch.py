@@ -70,6 +70,21 @@ class ParameterBelief(NamedTuple):
         spread = (math.sqrt(max(variance, 0.0)) for variance in self.covariance.diagonal().tolist())
         return all(value > -std for value, std in zip(self.parameters, spread, strict=True))
 
+    def friction(self, speed_rad_s: float, omega_s: float, law: int) -> tuple[float, float]:
+        """R of eq. 1 at a speed, against the motion, and its sd [rad/s^2]."""
+        friction, phi = _friction_and_slopes(self.parameters, abs(speed_rad_s), 0.0, omega_s, law)
+        variance = float(np.array(phi) @ self.covariance @ np.array(phi))
+        return friction, math.hypot(math.sqrt(max(variance, 0.0)), _FRICTION_SHARE * friction)
+
+
+def _friction_and_slopes(
+    parameters: FrictionParameters, v: float, along_A: float, omega_s: float, law: int
+) -> tuple[float, tuple[float, float, float, float]]:
+    """R and phi of eq. 1, both along the motion; v: its size, along_A: the current that drives the wheel on."""
+    _, b, c, s = parameters
+    g = stribeck(v / omega_s, law)
+    return max(b * v + c + (s - c) * g, 0.0), (along_A, -v, g - 1.0, -g)
+
 
 class Judged(NamedTuple):
     """What a reading is worth."""
@@ -246,12 +261,8 @@ class StuckWatch:
         return self._counts
 
     def _friction_and_slopes(self, along_A: float) -> tuple[float, tuple[float, float, float, float]]:
-        """R and phi of eq. 1, both along the motion; along_A: the current that drives the wheel on."""
         assert self._value is not None
-        _, b, c, s = self._believed().parameters
-        v = abs(self._value)
-        g = stribeck(v / self._omega_s, self._law)
-        return max(b * v + c + (s - c) * g, 0.0), (along_A, -v, g - 1.0, -g)
+        return _friction_and_slopes(self._believed().parameters, abs(self._value), along_A, self._omega_s, self._law)
 
     def _acceleration(self, current_A: float) -> tuple[tuple[float, float], float]:
         """Eq. 1: accelerations of a wheel that moves up and one that moves down (the same unless at rest), and sd."""

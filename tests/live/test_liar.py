@@ -72,6 +72,16 @@ def test_a_wheel_that_tells_no_current_is_not_at_zero_while_it_does_not_slow_dow
     assert not told.is_false_zero, told
 
 
+@pytest.mark.parametrize("family", ["nsp-wheel-torque", "sunspace-wheel"])
+@pytest.mark.parametrize(("seed", "share"), [(5001, 0.6), (5004, 0.2), (5007, 0.2)])
+def test_a_zero_that_leaves_some_of_the_current_on_is_not_called_zero(family: str, seed: int, share: float) -> None:
+    """Acknowledged each time: let go of by mode idle, and within what a lying reading may do to the speed."""
+    told = told_of(seed, family, fault=f"residue:{share}", lasts_s=25.0)
+    assert told.confirmed, told
+    assert told.current_at_end_A == 0.0, told
+    assert told.speed_over_limit <= 1.1, told
+
+
 @pytest.mark.parametrize("seed", [7001, 7002, 7003])
 def test_a_wheel_that_acknowledges_and_does_not_act_is_given_zero_in_another_way(seed: int) -> None:
     """From ten seconds on it keeps its current whatever is written: at the end confirmed means zero, by mode idle."""

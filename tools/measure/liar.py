@@ -31,6 +31,8 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.wire_layout import Field, Register
+from rw_ekf.drivers.sim.fault_text import parse_faults
+from rw_ekf.drivers.sim.faults import FaultInjector
 from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
@@ -80,6 +82,7 @@ class Draw:
     acts: bool = True  # False: writes are acknowledged and not acted on, from begins_s on
     family: str = "sunspace-wheel"
     answers: bool = True  # False: what does not act is not acknowledged either
+    fault: str = ""  # of the simulated wheel, in place of a lie (docs/simulated-wheel.md#faults)
 
     @property
     def per_ampere(self) -> float:
@@ -266,8 +269,10 @@ def run_draw(draw: Draw, directory: Path) -> Told:
             outside += not min(hull) - slack <= current <= max(hull) + slack
             written.append(current)
 
-    server = spoken.electronics(spoken.wire_map, plant, first_uptime_s=100.0, watch=watch)
-    _let_lie(server, draw)
+    faults = FaultInjector(parse_faults([draw.fault]) if draw.fault else (), draw.seed)
+    server = spoken.electronics(spoken.wire_map, plant, first_uptime_s=100.0, watch=watch, faults=faults)
+    if not draw.fault:
+        _let_lie(server, draw)
     clock = VirtualClock()
     protocol = VirtualCable(server, clock).carrying(spoken)
     allow: Any = guard.allowed_current
@@ -328,6 +333,7 @@ def main() -> int:
     parser.add_argument("--kind", help="this kind of lie alone")
     parser.add_argument("--deaf", action="store_true", help="writes acknowledged and not acted on, in place of a lie")
     parser.add_argument("--mute", action="store_true", help="writes neither answered nor acted on, in place of a lie")
+    parser.add_argument("--fault", help="a fault of the simulated wheel in place of a lie, such as residue:0.3")
     parser.add_argument("--healthy", action="store_true", help="nobody lies; gain and friction +-50 %%")
     parser.add_argument("--lasts", type=float, help="so long each [s]")
     parser.add_argument("--worst", type=int, default=8, help="so many of the fastest are listed")
@@ -336,6 +342,7 @@ def main() -> int:
     changes |= {name: value for name, value in (("field", args.field), ("kind", args.kind)) if value is not None}
     changes |= {"acts": False} if args.deaf else {}
     changes |= {"acts": False, "answers": False} if args.mute else {}
+    changes |= {"fault": args.fault} if args.fault else {}
     changes |= {"lasts_s": args.lasts} if args.lasts is not None else {}
     changes |= {"field": HONEST, "kind": "nothing"} if args.healthy else {}
     seeds = range(1000 * args.seed, 1000 * args.seed + args.draws)
