@@ -206,6 +206,7 @@ def test_after_a_kill_the_files_are_whole(bench: Bench, capsys: pytest.CaptureFi
             wait_for(driven(bench))
             seen = len(bench.recorder.requests)
             wait_for(lambda seen=seen, after_s=after_s: len(bench.recorder.requests) > seen + 20 * after_s)  # type: ignore[misc]
+            wait_for(lambda: len(bench.logs()[-1].read_text(encoding="utf-8").splitlines()) > 3)  # a busy machine
             daemon.kill()
             daemon.wait()
         assert len(bench.logs()) == kills
