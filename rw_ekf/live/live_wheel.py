@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
+from rw_ekf.live.changed_commands import ChangedCommands
 from rw_ekf.live.connection import Connection, Note, Opener
 from rw_ekf.live.guard import SafetyLimits, SpeedLimit
 from rw_ekf.live.stop_signal import RESUME, StopSignal
@@ -108,7 +109,7 @@ class LiveWheel:
         self._unknown_since_zero = False  # in silence: a zero may have been taken before the one that was confirmed
         self._repeating = False  # replies come, but their time stands still
         self._reopened_s = 0.0
-        self._changed_for: str | None = None
+        self._changed = ChangedCommands(note)
 
     def judged_by(
         self,
@@ -197,10 +198,7 @@ class LiveWheel:
             return None
         self._told_A = command.current_A
         self.check.commanded(command)
-        if command.reason != self._changed_for:
-            self._changed_for = command.reason
-            if command.reason is not None:
-                self._note("command_changed", reason=command.reason, current_A=command.current_A)
+        self._changed.take(command, self._clock.monotonic())
         return command
 
     def halt(self, why: str) -> None:
@@ -220,6 +218,7 @@ class LiveWheel:
 
     def close(self) -> bool:
         """Command zero (unless this run never writes) and release the line; True if the wheel confirmed zero."""
+        self._changed.end(math.inf)
         self.ended_at_zero = self._connection.close()
         return self.ended_at_zero
 
