@@ -5,6 +5,11 @@ const RPM = 60 / (2 * Math.PI);
 const MOST_ROWS = 12000; // kept in each table; older rows are thinned to half when there are more
 const CHI_95 = 3.841; // of one degree of freedom
 const UNITS = { motor_gain: "rad/s²/A", viscous: "1/s", coulomb: "rad/s²", static: "rad/s²" };
+// What a motion must have before a number may be relied on, however small its sigma is (docs/filter.md#what-may-be-relied-on)
+const MOTION = {
+  motor_gain: "the motion has to show it at two unlike currents", viscous: "the motion has to show it at two unlike speeds",
+  coulomb: "the motion has to show it at two unlike speeds, and two currents or a coast", static: "the motion has to show a stop or a reversal",
+};
 const NAMES = { motor_gain: "motor gain", viscous: "viscous", coulomb: "Coulomb", static: "static" };
 
 function token() { return new URLSearchParams(location.hash.slice(1)).get("token") || ""; }
@@ -399,7 +404,11 @@ class Pane {
     const rows = this.parameters().map((name) => {
       const value = known(this.estimates.column(name), at), std = known(this.estimates.column(`std_${name}`), at);
       const first = this.estimates.column(`std_${name}`)[0];
-      const told = name in valid ? (valid[name] ? "yes" : "not yet") : first && std != null ? (std < 0.5 * first ? "yes" : "not yet") : "–";
+      const sharp = first && std != null && std < 0.5 * first;
+      const relied = name in valid ? valid[name] : sharp;
+      const vague = std > 0.5 * Math.abs(value) ? "sigma is more than half of the value" : "sigma is hardly smaller than at the start";
+      const lacks = sharp && std <= 0.5 * Math.abs(value) && MOTION[name] ? MOTION[name] : vague;
+      const told = !(name in valid) && !(first && std != null) ? "–" : relied ? "yes" : `not yet: ${lacks}`;
       return [`${NAMES[name] || name}${UNITS[name] ? ` [${UNITS[name]}]` : ""}`, short(value), short(std), told];
     });
     const body = this.q(".parameters tbody");
