@@ -18,7 +18,7 @@ from operator import xor
 
 from rw_ekf.drivers.line.ascii_layout import TERMINATORS, AsciiRegister
 from rw_ekf.drivers.line.ascii_map import AsciiMap
-from rw_ekf.drivers.line.ascii_template import LONGEST_LINE
+from rw_ekf.drivers.line.ascii_template import ADDRESS, LONGEST_LINE, Template
 from rw_ekf.drivers.line.framing import CRCS, Decoded, Frame, crc16
 from rw_ekf.drivers.line.wire_map import STATUS_OK
 
@@ -46,6 +46,8 @@ class AsciiCodec:
         self._map = wire_map
         self._forms = forms if forms is not None else {register.id: register.id for register in wire_map.registers}
         self._framing = wire_map.framing
+        address = self._framing.address
+        self._address = {} if address is None else {ADDRESS: float(address)}
         self._line_end = TERMINATORS[self._framing.terminator]
         self._prompt = self._framing.prompt.strip().encode()
         self.overhead_bytes = 0  # of the last reply; what is left of it beside its numbers' own bytes
@@ -67,8 +69,12 @@ class AsciiCodec:
         """The line that asks or commands."""
         register = self._register(register_id)
         assert register is not None
-        text = register._asks.printed(_numbers(register, data) if data else {})
+        text = register._asks.printed(self._address | (_numbers(register, data) if data else {}))
         return self.plain(text, seq, register)
+
+    def startup(self, line: str) -> bytes:
+        """A line of the start; no answer to it is of any meaning but a refusal."""
+        return self.plain(self._map.line(line).printed(self._address))
 
     def plain(self, text: str, seq: int = 0, register: AsciiRegister | None = None) -> bytes:
         """A line that is sent as it stands; without a register no answer to it is of any meaning but a refusal."""
@@ -90,7 +96,7 @@ class AsciiCodec:
         seq, register, asked = self._asked
         if self._is_known(text):
             return _NOTHING
-        numbers = None if register is None or register._answers is None else register._answers.read(text)
+        numbers = None if register is None else self._read(register._answers, text)
         if register is not None and numbers is not None:
             self._count(register, text)
             self.may_be_refused = False
@@ -101,7 +107,7 @@ class AsciiCodec:
             same = all(numbers[name] == sent[name] for name in numbers)
             return Frame(seq, register.id, bytes((STATUS_OK,))) if same else _NOT_OURS
         for status, line in self._map.refused.items():
-            if self._map.line(line).read(text) is not None:
+            if self._read(self._map.line(line), text) is not None:
                 if self.may_be_refused:
                     self.may_be_refused, self.refused_line, self.refused_status = False, text, status
                     return _NOT_OURS
@@ -114,8 +120,9 @@ class AsciiCodec:
             return _NOT_OURS  # an echo; what answers a line of the start
         for other in self._map.registers:
             if other._answers is not None and other._answers.read(text) is not None:
-                self._count(other, text)
-                return _NOT_OURS  # the answer to a request that was given up
+                if self._read(other._answers, text) is not None:
+                    self._count(other, text)
+                return _NOT_OURS  # the answer to a request that was given up, or another wheel's
         return None
 
     def _count(self, register: AsciiRegister, text: str) -> None:
@@ -131,10 +138,11 @@ class AsciiCodec:
 
     def _requested(self, text: str) -> Frame | None:
         self._asked = (0, None, text)
-        if text in self._map.startup:
-            return Frame(0, STARTUP_ID + self._map.startup.index(text), b"")
+        for index, line in enumerate(self._map.startup):
+            if self._map.line(line).printed(self._address) == text:
+                return Frame(0, STARTUP_ID + index, b"")
         for register in self._map.registers:
-            numbers = register._asks.read(text)
+            numbers = self._read(register._asks, text)
             if numbers is not None:
                 self._written[register.id] = _data(register, numbers) if register.access == "write" else b""
                 return Frame(0, register.id, self._written[register.id])
@@ -147,20 +155,30 @@ class AsciiCodec:
         if register is not None and register.access == "read":
             assert register._answers is not None
             data = answer.data[: register.size].ljust(register.size, b"\0")
-            text = register._answers.printed(_numbers(register, data)) + " 0" * (len(answer.data) > register.size)
+            text = register._answers.printed(self._address | _numbers(register, data))
+            text += " 0" * (len(answer.data) > register.size)
         elif answer.data not in (b"", bytes((STATUS_OK,))):
             refused = self._map.refused
-            text = refused.get(answer.data[0], next(iter(refused.values()), None))
+            line = refused.get(answer.data[0], next(iter(refused.values()), None))
+            text = None if line is None else self._map.line(line).printed(self._address)
         elif register is not None and register._answers is not None:
-            text = register._answers.printed(_numbers(register, self._written.get(register.id, bytes(register.size))))
+            written = _numbers(register, self._written.get(register.id, bytes(register.size)))
+            text = register._answers.printed(self._address | written)
         around = self._line(self._asked[2], self._line_end) if self._framing.echoes else b"", self._prompt
         return (b"" if text is None else self._line(text, self._line_end)).join(around)
 
     def said(self, text: str) -> bytes:
         """A line of the wheel's own."""
-        return self._line(text, self._line_end)
+        return self._line(self._map.line(text).printed(self._address), self._line_end)
 
     # --- lines --------------------------------------------------------------------------------------------------
+
+    def _read(self, template: Template | None, text: str) -> dict[str, float] | None:
+        """The numbers of a line; None where it is another line, or another wheel's."""
+        numbers = None if template is None else template.read(text)
+        if numbers is None or numbers.get(ADDRESS) != self._address.get(ADDRESS, numbers.get(ADDRESS)):
+            return None
+        return {name: number for name, number in numbers.items() if name != ADDRESS}
 
     def _register(self, register_id: int) -> AsciiRegister | None:
         register = self._map.register_of_id(register_id)
@@ -195,7 +213,7 @@ class AsciiCodec:
     def _is_known(self, text: str) -> bool:
         """Whether a line is one of those that need no answer; it may be that the wheel has restarted."""
         restarted = self._map.restarted
-        if restarted is not None and self._map.line(restarted).read(text) is not None:
+        if restarted is not None and self._read(self._map.line(restarted), text) is not None:
             self.has_restarted = True
             return True
         return any(self._map.line(line).read(text) is not None for line in self._map.ignored)

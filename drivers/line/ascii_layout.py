@@ -9,8 +9,8 @@ from pydantic import Field as Key
 from pydantic import PrivateAttr, model_validator
 
 from rw_ekf.checking.section import NOT_NULL, Mistake, Section, refuse
-from rw_ekf.drivers.line.ascii_template import IGNORED, Slot, Template
-from rw_ekf.drivers.line.wire_layout import UNITS, Field, Register
+from rw_ekf.drivers.line.ascii_template import ADDRESS, IGNORED, Slot, Template
+from rw_ekf.drivers.line.wire_layout import UNITS, Byte, Field, Register
 
 TERMINATORS = {"lf": b"\n", "crlf": b"\r\n", "cr": b"\r"}
 _UPTIME_WRAPS = 2.0**32  # millis() and micros() of an Arduino
@@ -27,6 +27,7 @@ class AsciiFraming(Section):
     )
     prompt: str = Key("", max_length=16, description="what the wheel writes to say that it listens")
     echoes: bool = Key(False, description="whether the wheel repeats each request before it answers")
+    address: Byte | None = Key(None, description="what stands at {address:d} of lines; wheel.address goes before it")
 
     @property
     def has_checksum(self) -> bool:
@@ -143,6 +144,15 @@ class AsciiRegister(Register):
             for index, name in enumerate(names)
             if name in names[:index]
         ]
+        if ADDRESS in names:
+            found.append(
+                (("fields", names.index(ADDRESS), "name"), "is kept for framing.address; give it another name")
+            )
+        found += [
+            ((key,), f"has the address as a number of any form: write {{{ADDRESS}:d}} or {{{ADDRESS}:02d}}")
+            for key, template in (("request", self._asks), ("reply", self._answers))
+            if template is not None and (slot := template.slot(ADDRESS)) is not None and slot.digits != 0
+        ]
         if self.access == "read" and self._answers is None:
             return [*found, (("reply",), "is required where access is read: the line that answers, e.g. RPM={speed}")]
         key, carrier = ("reply", self._answers) if self.access == "read" else ("request", self._asks)
@@ -155,14 +165,14 @@ class AsciiRegister(Register):
         found += [
             ((key,), f"has a place {{{slot.name}}} and no field of that name; {{_}} stands for what is ignored")
             for slot in carrier.slots
-            if slot.name not in (IGNORED, *names)
+            if slot.name not in (IGNORED, ADDRESS, *names)
         ]
         if self.access == "read":
             if not names:
                 found.append((("fields",), "must be a list with at least one field"))
-            if self._asks.slots:
+            if any(slot.name != ADDRESS for slot in self._asks.slots):
                 found.append((("request",), "asks, and has a place for a number that nobody knows"))
-            elif self._answers is not None and self._answers.read(self.request) is not None:
+            elif self._answers is not None and self._answers.read(self._asks.printed({})) is not None:
                 found.append((("reply",), "fits the request too: its echo would be taken for an answer"))
             return found
         found += [
@@ -176,6 +186,6 @@ class AsciiRegister(Register):
         found += [
             (("reply",), f"has a place {{{slot.name}}} that the request does not have")
             for slot in (self._answers.slots if self._answers is not None else ())
-            if slot.name != IGNORED and slot.name not in names
+            if slot.name not in (IGNORED, ADDRESS, *names)
         ]
         return found

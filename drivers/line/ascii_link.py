@@ -98,7 +98,10 @@ class AsciiLink(SerialLink):
         form, now_s = self._forms[register_id], self._clock.monotonic()
         until_s = now_s + (self.reply_timeout_s if timeout_s is None else timeout_s)
         exchange = Exchange(None, now_s, now_s)
-        while exchange.data is None and self._is_settled(form, until_s):
+        if not self.may_ask:
+            return exchange
+        # Where others want the line, the silence is what lies between two turns.
+        while exchange.data is None and self._is_settled(form, now_s if self.in_turns else until_s):
             exchange = self._ask(register, None if timeout_s is None else until_s - self._clock.monotonic())
             if form not in self._owed or self._owed[form].silent_until_s is None:
                 break
@@ -146,7 +149,7 @@ class AsciiLink(SerialLink):
             return  # the next current tries again
         for line in self._map.startup:
             good = self.good_frames
-            sent = self._say(self.codec.plain(line))
+            sent = self._say(self.codec.startup(line))
             self._listen(sent.received_by_wheel_s + self.reply_timeout_s, good)
             if self.codec.refused_line is not None:
                 raise DriverError(
@@ -159,7 +162,9 @@ class AsciiLink(SerialLink):
 
     def _ask(self, register: Register, timeout_s: float | None = None) -> Exchange:
         """Ask once; an answer that may be another's is none."""
-        form = self._forms[register.id]
+        form, now_s = self._forms[register.id], self._clock.monotonic()
+        if self.in_turns and not self._is_settled(form, now_s):  # a question would begin the silence again
+            return Exchange(None, now_s, now_s)
         exchange = super().request(register.id, b"", register.size, timeout_s)
         owed = self._owed.get(form)
         if exchange.data is None:

@@ -9,7 +9,7 @@ from pydantic import PrivateAttr, field_validator, model_validator
 
 from rw_ekf.checking.section import NOT_NULL, Mistake, refuse
 from rw_ekf.drivers.line.ascii_layout import AsciiFraming, AsciiRegister
-from rw_ekf.drivers.line.ascii_template import IGNORED, Template
+from rw_ekf.drivers.line.ascii_template import ADDRESS, IGNORED, Template
 from rw_ekf.drivers.line.framing import Codec
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import IdRanges, Name
@@ -72,6 +72,7 @@ class AsciiMap(WireMap):
                         for key in ("range", "most_per_s")
                         if getattr(field, key) is None
                     ]
+            mistakes += _unaddressed(index, register, framing)
         refuse(mistakes)
         return registers
 
@@ -88,7 +89,7 @@ class AsciiMap(WireMap):
             except ValueError as error:
                 mistakes.append((path, str(error)))
                 continue
-            if any(slot.name != IGNORED for slot in made.slots) or (path[0] == "startup" and made.slots):
+            if any(slot.name != ADDRESS and (slot.name != IGNORED or path[0] == "startup") for slot in made.slots):
                 mistakes.append((path, "has a place for a number, of which nothing is known here"))
             mistakes += [
                 (path, f"is also what register {register.name} answers")
@@ -128,3 +129,17 @@ class AsciiMap(WireMap):
         """The map's word for a refusal."""
         names = dict(zip(self.refused, self.refusals, strict=True))
         return names.get(status, super().status_name(status))
+
+
+def _unaddressed(index: int, register: AsciiRegister, framing: AsciiFraming | None) -> list[Mistake]:
+    """Lines that bear no address where others do, or a place for one that is not known."""
+    if framing is None:
+        return []
+    lines = {"request": register._asks, "reply": register._answers}
+    with_place = {key: line.slot(ADDRESS) is not None for key, line in lines.items() if line is not None}
+    place = f"{{{ADDRESS}:d}}"
+    if framing.address is None:
+        lacks = f"has a place {place}: give framing.address, before which wheel.address of a configuration goes"
+        return [((index, key), lacks) for key, has in with_place.items() if has]
+    lacks = f"has no {place}, and framing.address is given: another wheel on the line would be taken for this one"
+    return [((index, key), lacks) for key, has in with_place.items() if not has]

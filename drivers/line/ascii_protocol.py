@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from rw_ekf.checking.findings import Where
 from rw_ekf.drivers.line.ascii_map import AsciiMap
-from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
+from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol, of_content
+from rw_ekf.errors import ConfigError
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.register_server import RegisterServer
 
 
-class AsciiProtocol(RegisterProtocol):
-    """A WheelProtocol over such a map."""
+class AsciiProtocol(AddressedRegisterProtocol):
+    """A WheelProtocol over such a map; its lines bear an address where the map gives one."""
 
     undescribed = "lines of text have no fields of a fixed size, so its requests and replies are what there is to give"
 
@@ -26,6 +27,15 @@ class AsciiProtocol(RegisterProtocol):
         from rw_ekf.drivers.sim.ascii_server import AsciiServer
 
         return AsciiServer
+
+    def at(self, address: int) -> Self:
+        """As of any, of a map whose lines have a place for it."""
+        if self.address is None:
+            raise ConfigError(
+                f"is {address}, but the lines of the wire map have no place {{address:d}}: write it into each request "
+                "and reply, and give framing.address, or drop it"
+            )
+        return super().at(address)
 
 
 def protocol_of(data: Mapping[str, object], where: Where) -> AsciiProtocol:

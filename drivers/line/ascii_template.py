@@ -6,6 +6,7 @@
     {name:08.1f}    as .1f, zeros before it up to eight characters, so that no digit can be lost unseen; 06d alike
     {name:text}     any text up to the character that follows: as a number its CRC-32, by which another text is told
     {_}             any text, ignored
+    {address:02d}   the wheel's address on its line, in two digits; another wheel's line is not this one's
 
 A space stands for one or more; anything else stands for itself.
 """
@@ -18,6 +19,7 @@ import zlib
 from collections.abc import Mapping
 from typing import NamedTuple
 
+ADDRESS = "address"  # the place of the wheel's address on its line
 LONGEST_LINE = 256  # bytes, without its end
 IGNORED, TEXT = "_", "text"
 _SLOT = re.compile(r"\{([^{}]*)\}")

@@ -136,7 +136,7 @@ def beyond_line(
                 f"wheel.protocol: {the_map} is of a family without addresses, so that {name} cannot be told from the "
             )
             found.append(
-                (index, ("wheel", "protocol"), f"{text}other wheels of one line; nsp and registers have them.")
+                (index, ("wheel", "protocol"), f"{text}other wheels of one line; nsp, registers and ascii have them.")
             )
             continue
         if protocol.address is None:

@@ -10,7 +10,9 @@ import pytest
 from rw_ekf.logs.reader import read_log
 from tests.live.bus import FAMILIES, NAMES, PERIOD_S, TIMEOUT_S, BusBench, BusRan, make_bus, run_bus
 
-EACH_FAMILY = pytest.mark.parametrize("family", [FAMILIES[0], pytest.param(FAMILIES[1], marks=pytest.mark.slow)])
+EACH_FAMILY = pytest.mark.parametrize(
+    "family", [FAMILIES[0], *(pytest.param(one, marks=pytest.mark.slow) for one in FAMILIES[1:])]
+)
 STRUCK = "rw-y"
 # Row of the list, and the fault, from the fifth second to the eighth where it lasts.
 OF_ONE_WHEEL = {

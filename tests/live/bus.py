@@ -38,7 +38,8 @@ from tests.live.bench import protocol_named
 from tests.live.daemon import Notes
 
 NAMES = ("rw-x", "rw-y", "rw-z", "rw-skew")
-FAMILIES = ("nsp-wheel", "sunspace-wheel")  # those whose frames bear an address
+LINES = str(Path(__file__).with_name("addressed-lines.yaml"))
+FAMILIES = ("nsp-wheel", "sunspace-wheel", LINES)  # those whose frames, or lines, bear an address
 PERIOD_S, TIMEOUT_S = 0.1, 0.025
 # In the computer's own time, where a busy machine answers late: a reply has longer, and so has a silence.
 PATIENT: dict[str, dict[str, Any]] = {

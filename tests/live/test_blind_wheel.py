@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
+from rw_ekf.settings.resources import protocol_path
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, program, served_wheel, virtual_wheel, wait_for
 from tests.live.daemon import Ran, resume, run
@@ -89,7 +90,7 @@ def states_of(bench: Bench) -> list[str]:
 
 def wrong_map(directory: Path, field: str, scale: float, protocol: str = "sunspace-wheel") -> str:
     """A copy of the wire map in which one scale, of all registers that have the field, is multiplied."""
-    content = yaml.safe_load((ROOT / "config" / f"{protocol}.yaml").read_text(encoding="utf-8"))
+    content = yaml.safe_load(protocol_path(protocol).read_text(encoding="utf-8"))
     if "dbc" in content:
         return wrong_database(directory, field, scale, content)
     names = (

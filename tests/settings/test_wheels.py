@@ -97,7 +97,12 @@ def test_a_list_without_wheels_is_told(tmp_path: Path, wheels: str) -> None:
     [
         ("address: 0x32", "address: 0x31", ":5:14: wheel.address 49 of rw-y is that of rw-x too"),
         ("address: 0x32", "address: 0x11", ":5:14: wheel.address is 17, which is this program's own"),
-        ("address: 0x32", "protocol: ascii-wheel", ":5:15: wheel.protocol: the wire map 'ascii-wheel' is of a family"),
+        ("address: 0x32", "protocol: vesc-wheel", ":5:15: wheel.protocol: the wire map 'vesc-wheel' is of a family"),
+        (
+            "address: 0x32",
+            "address: 2\n    protocol: ascii-wheel",
+            "wheel.address is 2, but the lines of the wire map have no place {address:d}",
+        ),
         ("address: 0x32", "protocol: sunspace-wheel", "wheel.address is required for rw-y: it is one of several"),
         (
             "reply_timeout_ms: 25",
@@ -113,6 +118,29 @@ def test_check_config_says_why_wheels_cannot_share_a_line(
     """Two of one address, the program's own, a family without addresses, a map without one: each with its place."""
     path = tmp_path / "bus.yaml"
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+    assert main(["check-config", str(path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("{address: 1, ", "{", ":11:14: registers.0.request has a place {address:d}: give framing.address"),
+        ("#{address:02d} T?", "T?", ":11:14: registers.0.request has no {address:d}, and framing.address is given"),
+        ("#{address:02d} OK", "OK", "registers.1.reply has no {address:d}, and framing.address is given"),
+        ("#{address:02d} T?", "#{address} T?", "write {address:d} or {address:02d}"),
+        ("name: temperature", "name: address", "is kept for framing.address; give it another name"),
+    ],
+)
+def test_a_map_of_lines_that_bear_an_address_says_what_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+) -> None:
+    """A place and no address, an address and no place, a place of any digits, and a field of that name."""
+    good = Path(__file__).parents[1].joinpath("live", "addressed-lines.yaml").read_text(encoding="utf-8")
+    assert old in good
+    (tmp_path / "map.yaml").write_text(good.replace(old, new, 1), encoding="utf-8")
+    path = tmp_path / "wheel.yaml"
+    path.write_text("wheel: {port: nowhere, protocol: ./map.yaml}\nlimits: {current_A: 0.3}\n", encoding="utf-8")
     assert main(["check-config", str(path)]) == 2
     assert said in capsys.readouterr().err
 
