@@ -79,7 +79,7 @@ class WheelFaults:
         """The current that a write of `current_A` has in force."""
         for fault in self._faults.by_kind(time_s).get("residue", ()):
             if current_A == 0.0:
-                return fault.fault.number * fault.memory.get("last", 0.0)
+                return fault.fault.number * float(fault.memory.get("last", 0.0))
             fault.memory["last"] = current_A
         return current_A
 
