@@ -8,6 +8,7 @@ from typing import Any
 
 from rw_ekf.units import RAD_S_PER_RPM
 
+_SIGMAS_95 = 1.96
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _UNITS = {"motor_gain": "rad/s^2/A", "viscous": "1/s", "coulomb": "rad/s^2", "static": "rad/s^2"}
 
@@ -41,15 +42,19 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
     room = max(10, width - 14)
     for title, key in (("speed", "speed_rad_s"), ("innovation", "innovation_rad_s"), ("current", "current_command_A")):
         if recent.get(key):
-            lines.append(f"{title:<12}{sparkline(recent[key], room)}")
+            lines.append(f"{title:<12}{sparkline(recent[key], room, _band(recent) if title == 'innovation' else None)}")
     alarms = [str(alarm.get("text")) for alarm in document.get("alarms") or []]
     lines += ["", *(f"ALARM {text}" for text in alarms)] if alarms else []
     return "\n".join(line[:width].rstrip() for line in lines)
 
 
-def sparkline(values: Sequence[float | None], room: int) -> str:
-    """Values as blocks of eighths between their extremes, the mean of those that share a place; blank where none is."""
-    known = [value for value in values if value is not None]
+def sparkline(values: Sequence[float | None], room: int, within: float | None = None) -> str:
+    """Values as blocks of eighths between their extremes, the mean of those that share a place; blank where none is.
+
+    within: a bound on both sides, so that one that is far beyond leaves the others legible; its place is a `!`.
+    """
+    bound = math.inf if within is None else within
+    known = [value for value in values if value is not None and abs(value) <= bound]
     if not known:
         return ""
     low, high = min(known), max(known)
@@ -57,10 +62,19 @@ def sparkline(values: Sequence[float | None], room: int) -> str:
     found = []
     for place in range(places):
         share = values[place * len(values) // places : (place + 1) * len(values) // places]
+        if any(value is not None and abs(value) > bound for value in share):
+            found.append("!")
+            continue
         held = [value for value in share if value is not None]
         level = (sum(held) / len(held) - low) / (high - low) if held and high > low else 0.0
         found.append(_BLOCKS[min(7, int(8.0 * level))] if held else " ")
     return "".join(found)
+
+
+def _band(recent: dict[str, Any]) -> float | None:
+    """Twice the 95 % band of the innovation, as it was told last; None where it was not."""
+    known = [std for std in recent.get("innovation_std_rad_s") or () if std]
+    return 2.0 * _SIGMAS_95 * float(known[-1]) if known else None
 
 
 def _number(value: Any, std: Any, factor: float = 1.0) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,15 @@ def test_watch_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "█" in printed
     assert main(["watch", "-c", str(config), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["run"]["run_state"] == "TRACKING"
+
+
+def test_one_outlier_leaves_the_innovation_legible() -> None:
+    """Thirty seconds of noise and one reading a hundred sigmas off: a mark in its place, all eighths in the others."""
+    rng = random.Random(5)
+    values = [rng.gauss(0.0, 0.1) for _ in range(300)]
+    values[150] = 10.0
+    line = sparkline(values, 100, 2.0 * 1.96 * 0.1)
+    assert line[50] == "!"
+    assert line.count("!") == 1
+    assert len(set(line)) > 5
+    assert len(set(sparkline(values, 100))) <= 3
