@@ -350,11 +350,10 @@ class CurrentGuard:
         self._written_A = current_A
         if current_A != 0.0:
             return self.driver.command_current(current_A)
-        if self._way > 0:  # such a zero was not in force: it would take the wheel out of idle mode again
-            issued = self._stop(ZERO_BY_MODE)
-            if issued.acknowledged:
-                return issued
         issued = self._stop()
+        if self._way > 0:  # such a zero was not in force, and takes the wheel out of idle mode again
+            idle = self._stop(ZERO_BY_MODE)
+            return idle if idle.acknowledged else issued
         by = issued.reason if issued.reason in _INSTEAD else None
         if by is not None and by != self._zero_by:
             self._say(by, f"the wheel refused a current of zero: {_INSTEAD[by]}")
