@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -260,3 +261,27 @@ def test_a_limit_beyond_the_map_is_told_before_anybody_agrees(tmp_path: Path) ->
             commission(made.work)
         assert made.work.progress["limits"] is None
         assert made.watched.writes == 0
+
+
+def test_a_signal_while_the_model_is_made_keeps_the_motion_and_the_next_call_makes_it(broken_off: BrokenOff) -> None:
+    """SIGTERM at the first word of the diagnosis: Stopped, no current was written, then it comes to its end."""
+    progress = broken_off.made.work.progress
+    progress.forget_from("model")
+    progress.keep("identification", progress["identification"])
+
+    def strike(text: str) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    with StopSignal() as stop:
+        made = rig(USUAL, broken_off.out.parent, VirtualClock(), stop)
+        with pytest.raises(Stopped):
+            commission(made.work, advance=strike)
+        assert made.watched.writes == 0
+    kept = Progress.of(broken_off.out)
+    assert kept["identification"] is not None
+    assert kept["model"] is None
+    with StopSignal() as stop:
+        again = rig(USUAL, broken_off.out.parent, VirtualClock(), stop)
+        commission(again.work)
+    assert again.work.progress["done"]
+    assert again.work.progress["model"] is not None
