@@ -10,10 +10,12 @@ from pydantic import PrivateAttr, field_validator, model_validator
 
 from rw_ekf.checking.findings import Where
 from rw_ekf.checking.section import Mistake, Section, refuse
+from rw_ekf.driver import WireItem, WirePacket
 from rw_ekf.drivers.line.framing import Codec
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from rw_ekf.drivers.line.nsp import FIRST_READ, INIT_ID, OK, PING_ID, REFUSED, NspCodec
+from rw_ekf.drivers.line.nsp import FIRST_READ, INIT_ID, OK, PING_ID, POLL, READ, REFUSED, WRITE, NspCodec
+from rw_ekf.drivers.line.packets import crc_item, field_item
 from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte, IdRanges, Register
@@ -23,6 +25,7 @@ from rw_ekf.errors import NotStartedError
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.register_server import RegisterServer
 
+_CRC = "crc16-mcrf4xx"
 _START_EVERY_S = 1.0  # a wheel is not started again while it starts
 _REFUSED_READS = 2  # of files that it has, in a row
 _DEAF_READS = (
@@ -206,10 +209,34 @@ class NspMap(WireMap):
 class NspProtocol(AddressedRegisterProtocol):
     """A WheelProtocol over such a map."""
 
-    undescribed = "what a reply of NSP holds is known to the driver, and not written down for others yet"
-
     wire_map: NspMap
     _address_key = "wheel_address"
+
+    @property
+    def packets(self) -> tuple[WirePacket, ...]:
+        """Commands, with bit B down, and the replies to reads, which are told apart by their file.
+
+        A reply to a write holds no more than its ack, in the control byte; PING and INIT are the driver's own.
+        """
+        wheel, own = self.wire_map.framing.wheel_address, self.wire_map.framing.own_address
+        found = []
+        for register in self.wire_map.registers:
+            if register.id == PING_ID:
+                continue
+            fields = tuple(field_item(field, little=True) for field in register.fields)
+            if register.access == "read":
+                file = WireItem("file", "u8", True, "what is read", constant=register.id - FIRST_READ)
+                asks: tuple[WireItem, ...] = (_byte("control", POLL | READ), file)
+                name = f"read_{register.name}"
+                told = (WireItem("control", "u8", True, "final, B, ack, command"), file, *fields)
+                items = (_byte("destination", own), _byte("source", wheel), *told, crc_item(_CRC))
+                found.append(WirePacket(register.name, False, items, f"telemetry of file {register.id - FIRST_READ}"))
+            else:
+                head = (_byte("control", POLL | WRITE), _byte("zero", 0), _byte("mode", register.id))
+                asks, name = (*head, *fields), register.name
+            items = (_byte("destination", wheel), _byte("source", own), *asks, crc_item(_CRC))
+            found.append(WirePacket(name, True, items, f"{register.access}s {register.name}"))
+        return tuple(found)
 
     def reading_only(self) -> NspProtocol:
         """As StartedByWrite has it."""
@@ -223,6 +250,10 @@ class NspProtocol(AddressedRegisterProtocol):
         from rw_ekf.drivers.sim.nsp_server import NspServer
 
         return NspServer
+
+
+def _byte(name: str, value: int) -> WireItem:
+    return WireItem(name, "u8", True, name, constant=value)
 
 
 def protocol_of(data: Mapping[str, object], where: Where) -> NspProtocol:

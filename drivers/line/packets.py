@@ -13,7 +13,7 @@ def packets_of(wire_map: WireMap) -> tuple[WirePacket, ...]:
     found = []
     no_items: tuple[WireItem, ...] = ()
     for register in wire_map.registers:
-        fields = tuple(_item(field, wire_map) for field in register.fields)
+        fields = tuple(field_item(field, little=wire_map.framing.byte_order == "little") for field in register.fields)
         if register.access == "read":
             asked, told = no_items, fields
             names, meanings = (f"read_{register.name}", register.name), ("asks for", "telemetry of")
@@ -27,8 +27,6 @@ def packets_of(wire_map: WireMap) -> tuple[WirePacket, ...]:
 
 
 def _packet(register: Register, items: tuple[WireItem, ...], wire_map: WireMap) -> tuple[WireItem, ...]:
-    crc = CRCS[wire_map.framing.crc]
-    told = WireCrc(int(f"{crc.polynomial:016b}"[::-1], 2), crc.start, crc.final)
     address = wire_map.framing.address
     addressed = (WireItem("address", "u8", True, "the wheel", constant=address),) if address is not None else ()
     return (
@@ -36,13 +34,20 @@ def _packet(register: Register, items: tuple[WireItem, ...], wire_map: WireMap) 
         WireItem("seq", "u8", True, "number of the request, repeated by its reply"),
         WireItem("id", "u8", True, "register", constant=register.id),
         *items,
-        WireItem("crc", "u16", True, f"{wire_map.framing.crc} over all before it", crc=told),
+        crc_item(wire_map.framing.crc),
     )
 
 
-def _item(field: Field, wire_map: WireMap) -> WireItem:
+def crc_item(kind: str) -> WireItem:
+    """The checksum behind everything else."""
+    crc = CRCS[kind]
+    told = WireCrc(int(f"{crc.polynomial:016b}"[::-1], 2), crc.start, crc.final)
+    return WireItem("crc", "u16", True, f"{kind} over all before it", crc=told)
+
+
+def field_item(field: Field, *, little: bool) -> WireItem:
+    """A number of a register. little: its low byte comes first."""
     unit = "" if field.unit == "none" else field.unit
-    little = wire_map.framing.byte_order == "little"
     return WireItem(
         field.name, field.type, little, field.name.replace("_", " "), unit, field.scale, field.offset, field.constant
     )

@@ -69,7 +69,8 @@ def _commands(within: Element, requests: list[WirePacket]) -> None:
     types, commands = _add(within, "ArgumentTypeSet"), _add(within, "MetaCommandSet")
     for packet in requests:
         command = _add(commands, "MetaCommand", name=packet.name, shortDescription=packet.meaning)
-        arguments = _add(command, "ArgumentList")
+        free = any(item.crc is None and item.constant is None for item in packet.items)
+        arguments = _add(command, "ArgumentList") if free else command  # an empty one is none
         entries = _add(_add(command, "CommandContainer", name=f"{packet.name}_packet"), "EntryList")
         for item in packet.items:
             if item.crc is not None:
