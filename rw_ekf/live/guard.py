@@ -251,31 +251,36 @@ class CurrentGuard:
         motion tells a small current from none, and a wheel that has no such mode must slow down as its friction has it.
         Takes 0.6 s of readings, and so much again for each way.
         """
-        rests: bool | None = None  # of a wheel that tells no current, as it was seen under a zero alone
-        for way in range(len(_WAYS)):
-            try:
+        is_untold = False  # it tells no current, and nothing spoke against the zero
+        try:
+            for way in range(len(_WAYS)):
                 done = self.zero(within_s) if way == 0 else any(self._let_go(way) for _ in range(_TRIES))
-                seen = done and self._is_seen()
+                seen = done and self._is_seen(briefly=way == 0)
                 if seen and (way > 0 or not self._sight.is_untold):
                     return True
                 against = self._sight.against or self._sight.goes_on
-            except DriverError:
-                return False
-            if against is not None:
-                self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {against}")
-            elif seen:
-                rests = self._sight.rests
-            elif rests is not None and not done:
-                break
-            elif done or way > 0:  # no readings, or no answer to anything: no other register helps that
-                return False
-        if rests is False:
-            self._say(
-                NOT_TOLD,
-                "the wheel acknowledged a current of zero, but telemetry tells none, the wheel turns, and how it slows "
-                "down does not exclude that a smaller one is left on; it takes no idle mode either",
-            )
-        return rests is True
+                if against is not None:
+                    self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {against}")
+                elif is_untold and not done:
+                    return self._rests()
+                elif not seen and (done or way > 0):  # no readings, or no answer: no other register helps that
+                    return False
+                is_untold = seen
+        except DriverError:
+            pass
+        return False
+
+    def _rests(self) -> bool:
+        """Whether a wheel that tells no current and has no idle mode comes to rest by its motion; else it is said."""
+        if self._is_seen() and self._sight.rests:
+            return True
+        untold = (
+            "telemetry tells none, the wheel turns, and how it slows down does not exclude that a smaller one is left "
+            "on; it takes no idle mode either"
+        )
+        against = self._sight.against or self._sight.goes_on or untold
+        self._say(NOT_TOLD, f"the wheel acknowledged a current of zero, but {against}")
+        return False
 
     def _allowed(self, requested_A: float, start_A: float, now: float) -> tuple[float, str | None]:
         """What may be written by every speed that the wheel may have."""
@@ -331,8 +336,11 @@ class CurrentGuard:
     def _stop(self, *by: str) -> IssuedCommand:
         return self.driver.stop_current(*by)
 
-    def _is_seen(self) -> bool:
-        """Whether the next readings are those of a wheel without a current: of half a second, or until it slows."""
+    def _is_seen(self, *, briefly: bool = False) -> bool:
+        """Whether the next readings are those of a wheel without a current: of half a second, or until it slows.
+
+        briefly: no longer than that; whether it slows is seen later.
+        """
         self._sight.begin()
         end = self._clock.monotonic() + _WATCHED_S
         for looks in range(1, COURSE + _MOST_LOOKS + 1):
@@ -340,10 +348,11 @@ class CurrentGuard:
             if sample is not None:
                 self._sight.add(sample)
             enough = self._clock.monotonic() >= end and self._sight.readings >= _LEAST_LOOKS
-            if (enough or looks >= _MOST_LOOKS) and not (self._sight.is_open and self._sight.goes_on is None):
+            open_still = self._sight.is_open and self._sight.goes_on is None and not briefly
+            if (enough or looks >= _MOST_LOOKS) and not open_still:
                 break
             self._clock.sleep(_LOOK_EVERY_S)
-        seen = self._sight.against is None and self._sight.goes_on is None and not self._sight.is_open
+        seen = self._sight.against is None and self._sight.goes_on is None and (briefly or not self._sight.is_open)
         return self._sight.readings >= _LEAST_LOOKS and seen
 
     def _send(self, current_A: float) -> IssuedCommand:
