@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rw_ekf
-from rw_ekf.diagnosis.checks.late_rows import read_a_row_earlier
+from rw_ekf.diagnosis.investigate.late_rows import read_a_row_earlier
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.log_simulation import simulate
