@@ -45,11 +45,11 @@ def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "20 s ahead grows by 20 %" in said
 
 
-@pytest.mark.parametrize(("blind", "refused"), [(1.0, True), (0.0, False)])
-def test_where_no_part_can_tell_a_figure_that_grows_still_refuses(
-    monkeypatch: pytest.MonkeyPatch, blind: float, refused: bool
+@pytest.mark.parametrize(("blind", "nis", "refused"), [(1.0, 6.0, True), (2.0, 6.0, False), (0.0, 6.0, False)])
+def test_where_no_part_can_tell_errors_beyond_its_ignorance_refuse(
+    monkeypatch: pytest.MonkeyPatch, blind: float, nis: float, refused: bool
 ) -> None:
-    """A bristle beyond doubt on the whole record, one-step error 1.0 -> 1.9: no model is written that makes it worse.
+    """A bristle beyond doubt on the whole record, NIS 1.1 -> 6: four times an ignorance of 1 are not enough for that.
 
     Of two parts that can tell one that finds it better is enough.
     """
@@ -67,20 +67,21 @@ def test_where_no_part_can_tell_a_figure_that_grows_still_refuses(
 
     more: Any = More()
     way: Any = Way("own")
-    grown = {"own": 1.9, "other": 0.9}
     nothing: Any = None
 
     def figures(prepared: Way, fit: object) -> Performance:
-        after = {} if fit == "less" else {"one_step_rms_rpm": grown[prepared.name]}
-        return Performance({**BEFORE, **after}, nothing, np.zeros(0))
+        worse = {"one_step_rms_rpm": 1.9, "nis_mean": nis} if prepared.name == "own" else {"one_step_rms_rpm": 0.9}
+        return Performance({**BEFORE, **({} if fit == "less" else worse)}, nothing, np.zeros(0))
 
     monkeypatch.setattr(confirmation, "performance", figures)
     monkeypatch.setattr(confirmation, "better_known", lambda prepared, _: prepared)
-    monkeypatch.setattr(confirmation, "for_want_of_knowledge", lambda *_: blind)
+    monkeypatch.setattr(
+        confirmation, "for_want_of_knowledge", lambda _, fit: 0.03 * (blind > 0.0) if fit == "less" else blind
+    )
     monkeypatch.setattr(confirmation, "knows_size", lambda *_: True)
     worse, unjudged = confirmation.veto(way, more, "presliding_hysteresis", 1.0e-30)
     assert (worse is not None) is refused
-    assert unjudged is refused
+    assert unjudged is (blind > 0.0)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,6 @@ def found_in(name: str) -> Diagnosis:
         ),
         ("pressure, viscous", "pressure_Pa", "viscous_drag"),
         ("current, square", "current_along_motion", "drag"),
-        ("current, halves", "current_size", "torque"),
         ("speed, wave", "speed_size", "drag"),
     ],
 )
@@ -57,6 +56,16 @@ def test_a_law_without_a_formula_is_found_and_predicts_the_next_log(name: str, q
     assert told.after_rpm < 1.2 * told.noise_rpm < 0.9 * told.before_rpm
     assert told.covered is not None
     assert told.covered > 0.8
+
+
+def test_a_bridge_of_two_halves_is_a_torque_by_the_size_of_the_current() -> None:
+    """Its level has nothing else to follow it; without it the next log was missed by 169 rpm, the base model by 14."""
+    case = Nameless("current, halves", 12)
+    diagnosis = diagnose_log(case.log())
+    assert diagnosis.verdict["effects"] == ["learned_law"], diagnosis.verdict["statement"]
+    told = judged(case, diagnosis)
+    assert told.what == "torque over current_size"
+    assert told.after_rpm < 1.2 * told.noise_rpm < 0.2 * told.before_rpm
 
 
 def test_something_that_begins_is_told_with_its_time_and_holds_in_the_next_log() -> None:

@@ -98,12 +98,10 @@ def _with_laws(
 ) -> tuple[Ledger, Selection]:  # fmt: skip
     """With the likeliest laws beside a row, and each of those without every named effect, and every law, of the row.
 
-    ahead_of: only such as are likelier than this row, and do not go on with the clock: a drift, or a walk, is asked
-    after them. What changes once is asked at once: beside it the rest of the record is as it was.
+    ahead_of: only such as are likelier than this row, and go with no clock: a drift, or a walk, is asked after them.
     """
     least = 0.0 if ahead_of is None else max(ahead_of.weight - row.weight, 0.0)
-    asked = [law for law in laws(row.fit) if ahead_of is None or not law.passes or law.term.effect is CHANGE]
-    for law in asked[:most]:
+    for law in [law for law in laws(row.fit) if ahead_of is None or not law.passes][:most]:
         if law.weight <= least:
             break
         fit, model = row.fit.refitted(row.fit.model.with_terms(law.term)), row.fit.model
