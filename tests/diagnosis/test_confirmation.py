@@ -45,45 +45,6 @@ def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "20 s ahead grows by 20 %" in said
 
 
-@pytest.mark.parametrize(("blind", "nis", "refused"), [(1.0, 6.0, True), (2.0, 6.0, False), (0.0, 6.0, False)])
-def test_where_no_part_can_tell_errors_beyond_its_ignorance_refuse(
-    monkeypatch: pytest.MonkeyPatch, blind: float, nis: float, refused: bool
-) -> None:
-    """A bristle beyond doubt on the whole record, NIS 1.1 -> 6: four times an ignorance of 1 are not enough for that.
-
-    Of two parts that can tell one that finds it better is enough.
-    """
-
-    class Way:
-        def __init__(self, name: str) -> None:
-            self.name = name
-
-        def exchanged(self) -> Way:
-            return Way("other")
-
-    class More:
-        def without(self, _: str) -> str:
-            return "less"
-
-    more: Any = More()
-    way: Any = Way("own")
-    nothing: Any = None
-
-    def figures(prepared: Way, fit: object) -> Performance:
-        worse = {"one_step_rms_rpm": 1.9, "nis_mean": nis} if prepared.name == "own" else {"one_step_rms_rpm": 0.9}
-        return Performance({**BEFORE, **({} if fit == "less" else worse)}, nothing, np.zeros(0))
-
-    monkeypatch.setattr(confirmation, "performance", figures)
-    monkeypatch.setattr(confirmation, "better_known", lambda prepared, _: prepared)
-    monkeypatch.setattr(
-        confirmation, "for_want_of_knowledge", lambda _, fit: 0.03 * (blind > 0.0) if fit == "less" else blind
-    )
-    monkeypatch.setattr(confirmation, "knows_size", lambda *_: True)
-    worse, unjudged = confirmation.veto(way, more, "presliding_hysteresis", 1.0e-30)
-    assert (worse is not None) is refused
-    assert unjudged is (blind > 0.0)
-
-
 @pytest.mark.parametrize(
     ("own", "other", "kind", "chosen"),
     [(0.02, 0.001, "blocks", "own"), (0.66, 0.07, "blocks", "other"), (0.07, 0.66, "blocks", "own"),

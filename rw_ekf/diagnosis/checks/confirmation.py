@@ -33,7 +33,6 @@ _VETOED = (
     ("horizon_20s_rms_rpm", "error 20 s ahead"),
     ("free_run_rms_rpm", "free-run error"),
 )
-_BY_CHANCE = 4.0  # times what is expected of want of knowledge: found of 24 healthy wheels (docs/likelihood.md eq. 10e)
 _FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 
 
@@ -43,20 +42,16 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
     What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
     out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
     hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
-    alone has no say then; where that is so of both, figures from the better known numbers refuse if they grow by more
-    than that. A law without a formula has nothing to show for itself but what it predicts.
+    alone has no say then. A law without a formula has nothing to show for itself but what it predicts.
     """
     less, unjudged = more.without(name), False
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
-        able = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
-        findings = [_worse(way, less, more) for way in able]
-        worse = None if None in findings else findings[-1] if findings else worse
-        if not able:
-            way = better_known(prepared, more)
-            worse = _worse(way, less, more) if _grows_by_more_than_ignorance(way, less, more) else None
-            unjudged = _gain(way, less, more) <= REAL_GAIN
+        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
+        findings = [_worse(way, less, more) for way in ways]
+        worse = findings[-1] if findings and None not in findings else None
+        unjudged = not ways and _gain(prepared, less, more) <= REAL_GAIN
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse, unjudged
@@ -65,13 +60,6 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
 def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
     """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
     return all(for_want_of_knowledge(way, fit) < BLIND for fit in (less, more))
-
-
-def _grows_by_more_than_ignorance(way: Prepared, less: Fit, more: Fit) -> bool:
-    """Whether squared errors grow by more than a part that knows so little of the numbers makes them grow by chance."""
-    before, after = (performance(way, fit).figures["nis_mean"] or 1.0 for fit in (less, more))
-    ignorance = for_want_of_knowledge(way, more) - for_want_of_knowledge(way, less)
-    return bool(after - before > _BY_CHANCE * max(ignorance, 0.0))
 
 
 def better_known(prepared: Prepared, fit: Fit) -> Prepared:
