@@ -79,7 +79,7 @@ def _diagnosed(
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.record.work.start_clock()
     found = thoroughly_investigated(prepared, advance)
-    found = with_said_first(found, said_of_late_rows(found))
+    found = _with_said_first(found, said_of_late_rows(found))
     advance("judging on the held-out part")
     told = conclude(found, advance)
     if len(logs) > 1 or logs[0].whole is None:
@@ -89,7 +89,7 @@ def _diagnosed(
     return held_against_all(told, found, logs[0].whole, advance)
 
 
-def with_said_first(found: Found, sentence: str) -> Found:
+def _with_said_first(found: Found, sentence: str) -> Found:
     """The same with a sentence more in front of the verdict."""
     source = found.prepared.source
     return replace(

@@ -64,9 +64,10 @@ def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
 
 def better_known(prepared: Prepared, fit: Fit) -> Prepared:
     """The parts' roles so that a model's numbers come from the one that knows them well enough; else better."""
-    if prepared.split.kind == "halves" or for_want_of_knowledge(prepared, fit) < BLIND:
+    if prepared.split.kind == "halves" or (wants := for_want_of_knowledge(prepared, fit)) < BLIND:
         return prepared
-    return min(prepared, prepared.exchanged(), key=lambda way: for_want_of_knowledge(way, fit))
+    other = prepared.exchanged()
+    return other if for_want_of_knowledge(other, fit) < wants else prepared
 
 
 def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:

@@ -88,7 +88,7 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     viscous = drive * speed
     gain = drive * current * fit.model.parameters.motor_gain
     loss = drive * np.sign(current) * fit.model.parameters.motor_gain
-    # A law that has its mean to itself where nothing follows that makes up for it where the record never was.
+    # Without its mean a law makes up for that where the record never was: it is taken off only where it is another's.
     steady = (0,) if fit.model.of(TORQUE.id) else ()
     yield Ground("speed_size", "drag", np.abs(speed), dry, (0, 1))
     yield Ground("speed_size", "torque", np.abs(speed), drive, steady)
