@@ -46,6 +46,10 @@ class ConfigError(BadInputError):
         self.findings = [findings] if isinstance(findings, str) else list(findings)
         super().__init__("\n".join(self.findings))
 
+    def __reduce__(self) -> tuple[type[ConfigError], tuple[list[str]]]:
+        """From another process it comes with each finding by itself."""
+        return type(self), (self.findings,)
+
 
 class LogError(BadInputError):
     """A log cannot be read, or does not hold what it must."""

@@ -1,4 +1,4 @@
-"""The runs that a directory holds: a log, in parts or not, with its metadata beside it, makes a run."""
+"""The logs that a directory holds: one, in parts or not, with its metadata beside it is a run."""
 
 from __future__ import annotations
 
@@ -11,28 +11,32 @@ from rw_ekf.logs.parts import FORMS, PartName, beside
 DIAGNOSED_MODEL = "augmented-model.yaml"
 
 
-def runs_of(directory: Path) -> tuple[list[Path], list[str]]:
-    """Name the log of each run (STEM.csv, whatever form its parts have), oldest first; also what was left out and why.
+def runs_of(directory: Path) -> tuple[list[Path], list[Path]]:
+    """The log of each run (STEM.csv, whatever form its parts have), oldest first; then the logs that no run wrote.
 
-    Raises LogError where there is no run, ConfigError for damaged metadata.
+    Raises LogError where there is neither, ConfigError for damaged metadata.
     """
     try:
-        names = sorted(entry.name for entry in directory.iterdir())
+        names = sorted(entry.name for entry in directory.iterdir() if not entry.name.startswith("."))
     except OSError as error:
         raise LogError(f"{directory}: cannot be read ({error.strerror})") from None
     parts = [part for part in map(PartName.of, names) if part is not None and not part.estimates]
-    runs, left_out = [], []
+    runs, others = [], []
     for stem in sorted({part.stem for part in parts}):
         log = directory / f"{stem}{FORMS[0]}"
         metadata = read_metadata(log)
         if metadata is None:
-            left_out.append(f"{log}: has no {metadata_path(log).name} beside it: no sample came, or it is no run's log")
+            others.append(log)
         else:
             runs.append((metadata.first_sample_utc, stem, log))
-    if not runs:
-        rest = f" ({left_out[0]})" if left_out else ""
-        raise LogError(f"{directory}: is a directory that holds no run, a log with its .meta.yaml beside it{rest}")
-    return [log for _, _, log in sorted(runs)], left_out
+    if not runs and not others:
+        raise LogError(f"{directory}: is a directory that holds no log ({', '.join(FORMS)}); name the files themselves")
+    return [log for _, _, log in sorted(runs)], others
+
+
+def no_run(log: Path) -> str:
+    """Why a log is left out where runs are meant."""
+    return f"{log}: has no {metadata_path(log).name} beside it: no sample came, or it is no run's log"
 
 
 def start_path(log: str | Path) -> Path:

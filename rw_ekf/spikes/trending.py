@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import LogError
-from rw_ekf.logs.run_directory import runs_of
+from rw_ekf.logs.run_directory import no_run, runs_of
 from rw_ekf.numbers import MISSING, number_text, plus_minus
 from rw_ekf.spikes.poisson import Rate, Trend, laplace_test, poisson_rate
 from rw_ekf.spikes.run_events import GENUINE_ENDS, RunEvents, Spike, read_run
@@ -54,7 +54,10 @@ def spikes_of_directory(directory: Path, train_s: float) -> tuple[list[WheelSpik
     train_s: spikes that set in no later than this after the one before (time watched) belong to one train. Raises
     LogError where there is no run, ConfigError for damaged metadata.
     """
-    logs, warnings = runs_of(directory)
+    logs, others = runs_of(directory)
+    warnings = [no_run(log) for log in others]
+    if not logs:
+        raise LogError(f"{directory}: is a directory that holds no run, a log with its .meta.yaml beside it")
     wheels: dict[str, list[RunEvents]] = {}
     for log in logs:
         try:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,8 @@ import pytest
 from pyarrow import csv, parquet
 
 from rw_ekf.cli import main
+from rw_ekf.commands import log_replays
+from rw_ekf.errors import ConfigError
 from tests.commands.documents import STATE, replay_document
 from tests.commands.logs import CARRIAGE_MAP, carriage_log, coast_log, profile_log, write_log
 from tests.truth import run_of
@@ -82,6 +87,75 @@ def test_several_logs_share_a_table_whose_first_column_names_them(
     assert [entry["samples"] for entry in document["logs"]] == [names.count(str(log)), names.count(str(other))]
     (alone,) = replayed(capsys, str(other))["logs"]
     assert alone["state"] == document["logs"][1]["state"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of logs that no run of ours wrote: one a Parquet file, and beside them what is no log."""
+    folder = tmp_path_factory.mktemp("folder")
+    for seed in range(5):
+        profile_log(folder / f"{seed}.csv", "P1", seed, samples=600)
+    parquet.write_table(csv.read_csv(folder / "3.csv"), folder / "3.parquet")
+    (folder / "3.csv").unlink()
+    (folder / "notes.txt").write_text("of the week\n", encoding="utf-8")
+    (folder / ".hidden.csv").write_text("what a cloud leaves\n", encoding="utf-8")
+    return folder
+
+
+def test_a_folder_of_plain_logs_is_each_of_them(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By name, in whatever form, each as if it had been named itself."""
+    entries = replayed(capsys, str(folder))["logs"]
+    assert [Path(entry["log"]).stem for entry in entries] == ["0", "1", "2", "3", "4"]
+    assert entries[2]["state"] == replayed(capsys, str(folder / "2.csv"))["logs"][0]["state"]
+
+
+@pytest.mark.parametrize("verbose", [[], ["-v"]])
+def test_many_logs_on_all_cores_say_what_they_say_one_by_one(
+    folder: Path, verbose: list[str], capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same document but for the seconds, in the same order; what -v tells of each log reaches standard error."""
+    assert main(["replay", str(folder), "--json", *verbose]) == 0
+    alone = replay_document(capfd.readouterr().out)
+    monkeypatch.setattr(log_replays, "_SHARED_S", 0.0)
+    assert main(["replay", str(folder), "--json", *verbose]) == 0
+    shared = capfd.readouterr()
+    assert replay_document(shared.out)["logs"] == alone["logs"]
+    assert ("has read" in shared.err) == bool(verbose)
+    assert all(f"{stem}." in shared.err for stem in range(5) if verbose)
+
+
+def test_a_bad_log_among_many_is_refused_as_it_is_alone(
+    folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same sentences and status from a process of its own, each finding by itself."""
+    for path in folder.glob("[0-2].csv"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "2.csv").write_text("time_s,speed_rad_s,current_A\n0,1,0\n1,nonsense,0\n", encoding="utf-8")
+    said = []
+    for shared_s in (2.0, 0.0):
+        monkeypatch.setattr(log_replays, "_SHARED_S", shared_s)
+        assert main(["replay", str(tmp_path), "--json"]) == 2
+        said.append(capfd.readouterr().out)
+    assert said[0] == said[1]
+    assert "nonsense" in said[0]
+    error = ConfigError(["one", "two"])
+    assert pickle.loads(pickle.dumps(error)).findings == error.findings
+
+
+def _ended(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_is_killed_is_a_sentence(
+    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a system short of memory does it: exit status 1, and no traceback."""
+    monkeypatch.setattr(log_replays, "_SHARED_S", 0.0)
+    monkeypatch.setattr(log_replays, "partial", lambda *_, **__: _ended)
+    assert main(["replay", str(folder)]) == 1
+    said = capfd.readouterr().err
+    assert "fewer logs at a time" in said
+    assert "Traceback" not in said
 
 
 def test_smoothing_adds_columns_and_knows_more(log: Path, tmp_path: Path) -> None:

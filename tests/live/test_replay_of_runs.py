@@ -48,9 +48,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Ran]:
 @pytest.mark.parametrize("online", [False, True])
 def test_every_run_of_a_directory_replays_to_its_own_estimates(runs: list[Ran], online: bool) -> None:
     """Oldest first, parts joined, each from its own start: the last belief of each to 1e-9 sigma, both ways."""
-    logs, left_out = runs_of(runs[0].outcome.files.log.parent)
+    logs, others = runs_of(runs[0].outcome.files.log.parent)
     assert logs == [ran.outcome.files.log for ran in runs]
-    assert left_out == []
+    assert others == []
     for ran, log in zip(runs, logs, strict=True):
         assert len(parts_of(log).files) > 2
         done = replay_log(read_log(log), setup=setup_of_run(log), online=online)
@@ -108,12 +108,12 @@ def test_a_run_replays_from_the_model_it_started_from(runs: list[Ran], tmp_path:
 def test_what_is_no_run_is_left_out_with_a_word(
     runs: list[Ran], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A stranger's table, a run killed before its first row; a directory without a run, a log without metadata."""
+    """A stranger's table, a run killed before its first row; a directory without a log is refused."""
     log = runs[2].outcome.files.log
     rows = "time_s,speed_rad_s,current_A\n"
-    (tmp_path / "a.csv").write_text(rows + "0,1,0\n1,1,0\n", encoding="utf-8")
     assert main(["replay", str(tmp_path)]) == 2
-    assert "holds no run" in capsys.readouterr().err
+    assert "holds no log" in capsys.readouterr().err
+    (tmp_path / "a.csv").write_text(rows + "0,1,0\n1,1,0\n", encoding="utf-8")
     (tmp_path / "b.csv").write_text(rows, encoding="utf-8")
     metadata_path(tmp_path / "b.csv").write_bytes(metadata_path(log).read_bytes())
     for part in parts_of(log).files:
