@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.course.beyond import BeyondLaws
 from rw_ekf.course.course import WILD, Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
@@ -15,13 +15,11 @@ from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
 from rw_ekf.filter.second_look import log_likelihood, resets_of
-from rw_ekf.model.law import Law
 from rw_ekf.records import FilterTrouble
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.statistics import RunStatistics
-from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS
 
-_BEYOND = 0.02  # of a log, beyond a law's range, that is told
 _FEW_SAMPLES = 20
 _BREAKAGES = 3  # of the filter's arithmetic in one log: more is no accident
 
@@ -85,45 +83,3 @@ class PassSums:
         if not driven:
             said.append("the current is zero throughout: the motor gain cannot be learned from this log")
         return [*said, *self.beyond.sentences(), *findings(self.troubles)]
-
-
-class BeyondLaws:
-    """How often a log goes beyond what the laws of a model were found over: they stay as they are at the edge."""
-
-    def __init__(self, effects: EffectSet) -> None:
-        self._laws = [term.law for term in effects.terms if term.law is not None]
-        self._beyond = [0] * len(self._laws)
-        self._rows = 0
-
-    def add(self, course: Course, begin: int = 0) -> None:
-        """Count the samples of a part from `begin` on."""
-        self._rows += course.samples - begin
-        for place, law in enumerate(self._laws):
-            values = _values_of(law, course)
-            if values is not None:
-                values = values[begin:]
-                self._beyond[place] += int(np.count_nonzero((values < law.first) | (values > law.last)))
-
-    def sentences(self) -> list[str]:
-        """A sentence for each law that a good part of the log is beyond."""
-        said = []
-        for law, beyond in zip(self._laws, self._beyond, strict=True):
-            share = beyond / max(self._rows, 1)
-            if share > _BEYOND:
-                said.append(
-                    f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
-                    f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be "
-                    "off; `rw-ekf diagnose LOG` finds it anew"
-                )
-        return said
-
-
-def _values_of(law: Law, course: Course) -> Float64Array | None:
-    """What a law is a function of, along a course; None where it is held on purpose, or comes round again."""
-    if law.quantity == "column":
-        return course.columns[:, law.slot] if course.columns.size else None
-    return {
-        "temperature": course.temperature_degC,
-        "speed": course.speed_rad_s,
-        "speed_size": np.abs(course.speed_rad_s),
-    }.get(law.quantity)

@@ -139,4 +139,4 @@ TORQUE = CATALOGUE["offset_torque"]
 (STRIBECK,) = of_kind(StribeckEffect)
 (GRID,) = of_kind(ReadingEffect)
 (WANDERING,) = of_kind(WanderingEffect)
-LEARNED, CHANGE = CATALOGUE["learned_law"], CATALOGUE["change"]
+LEARNED, CHANGE, SPELL = (CATALOGUE[name] for name in ("learned_law", "change", "spell"))

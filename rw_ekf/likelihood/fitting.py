@@ -197,12 +197,12 @@ class Fit:
         for name in model.effects.ids:
             local = model.of(name)[0].effect.local_in_time
             if local:
-                model = model.settled(name)
+                model = model.settled(name).with_found_laws(name)
             if prior is None or (name in given and not local):
                 continue
             for item in self.terms_of(name):
                 values = item.term.values
-                if item.term.law is not None and item.term.law.prior_std:
+                if item.term.law is not None and item.term.law.prior_std and not local:
                     continue
                 if local:  # one coefficient
                     mean, std = values[0], _LOOSER * math.sqrt(max(float(item.covariance[0, 0]), 0.0))

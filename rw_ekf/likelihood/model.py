@@ -135,6 +135,14 @@ class Model:
         terms = tuple(replace(t, settled=True) if t.id == effect_id else t for t in self.effects.terms)
         return replace(self, effects=EffectSet(terms))
 
+    def with_found_laws(self, effect_id: str) -> Model:
+        """The same model, nothing known beforehand of the coefficients of one effect's laws."""
+        terms = (
+            t if t.id != effect_id or t.law is None else replace(t, law=replace(t.law, prior_std=()))
+            for t in self.effects.terms
+        )
+        return replace(self, effects=EffectSet(tuple(terms)))
+
     @property
     def base(self) -> Model:
         """The same without any effect."""

@@ -177,6 +177,11 @@ class Effect(ABC):
         """When an event begins [s] and its time constant [s]; asked of what is local in time only."""
         raise NotImplementedError
 
+    @classmethod
+    def lasts_of(cls, term: Term) -> tuple[float, float]:
+        """The same of a term."""
+        return cls.lasts(term.shape)
+
     @staticmethod
     def may_leave(shape: Shape, facts: RecordFacts) -> tuple[str, ...]:
         """Quantities that the residual may go on depending on, by nature of the effect, although it is in the model."""

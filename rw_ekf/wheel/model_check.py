@@ -29,6 +29,7 @@ from rw_ekf.wheel.model_file import ASSUMED
 
 Matrix = tuple[tuple[float, ...], ...]
 
+_TIMES = 2  # at which what changes begins and ends
 _LEAST_EIGENVALUE = 1.0e-12  # of the correlations; below it the matrix has no inverse in double precision
 
 
@@ -104,7 +105,7 @@ class _Law(Section):
     unit: str = Key("", description="of its values, for people")
     range: Annotated[list[_Finite], Key(min_length=2, max_length=2)] = Key(description="first and last knot")
     values: Annotated[list[_Finite], Key(min_length=2, max_length=2000)] = Key(description="on even knots")
-    std: list[_Finite] = Key([], description="of the values, for people")
+    std: list[_Finite] = Key([], description="of the values, or of when it begins and ends, for people")
 
     @model_validator(mode="after")
     def _holds(self) -> Self:
@@ -113,7 +114,7 @@ class _Law(Section):
             mistakes.append((("range",), f"is {self.range}; the last knot must lie beyond the first"))
         if (self.quantity == "column") != bool(self.column):
             mistakes.append((("column",), "names the log's column of a law of quantity `column`, and of no other"))
-        if len(self.std) > 1 and len(self.std) != len(self.values):
+        if len(self.std) > _TIMES and len(self.std) != len(self.values):
             mistakes.append((("std",), f"has {len(self.std)} numbers, the law {len(self.values)} values"))
         refuse(mistakes)
         return self

@@ -14,7 +14,7 @@ from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.log_replay import replay_log
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 from tools.measure.laws import judged
-from tools.proof.nameless import Nameless
+from tools.proof.nameless import C, Nameless
 
 pytestmark = pytest.mark.slow
 
@@ -84,6 +84,29 @@ def test_something_that_begins_is_told_with_its_time_and_holds_in_the_next_log()
     assert value == pytest.approx(15.205, abs=5.0 * std)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "size"),
+    [
+        ("drag, a while", "drag", -0.08 * C),
+        ("gain, a while", "motor_gain", -0.08),
+        ("torque, a while", "torque", 0.08 * C),
+    ],
+)
+def test_something_that_lasts_a_while_is_told_with_both_its_times(name: str, kind: str, size: float) -> None:
+    """From 126 to 168 s of 420; the next log, in which it lasts no longer, is foretold by a wheel without it."""
+    diagnosis = diagnose_log(Nameless(name, 11).log())
+    assert diagnosis.verdict["effects"] == ["spell"], diagnosis.verdict["statement"]
+    found = parameters_of(diagnosis, "spell")
+    assert found["what"]["value"] == kind
+    for key, time_s in (("begins_at", 126.0), ("ends_at", 168.0)):
+        assert abs(found[key]["value"] - time_s) < max(4.0 * found[key]["std"], 1.0)
+    assert abs(found["size"]["value"] - size) < max(4.0 * found["size"]["std"], 0.02 * abs(size))
+    assert diagnosis.model is not None
+    after = replace(Nameless("", 1011).log(), name="next.csv")
+    entry = replay_log(after, model=model_from_data(diagnosis.model.document(), lambda path: "model.yaml")).document()
+    assert entry["logs"][0]["innovation"]["nis_mean"] == pytest.approx(1.0, abs=0.05)
+
+
 def test_a_model_with_a_law_is_adequate_for_its_wheel() -> None:
     """Written, read again, given to the next log: nothing is left, and the amplitude is one within its sigmas."""
     diagnosis = diagnose_log(Nameless("voltage, drag", 11).log())
@@ -102,7 +125,9 @@ def test_where_a_log_goes_beyond_a_law_that_is_said() -> None:
     following = Nameless("gain by bus voltage", 1011).log()
     warnings = replay_log(following, model=diagnosis.model).document()["logs"][0]["warnings"]
     assert any("bus_voltage_V is beyond what the learned law was found over" in text for text in warnings)
-    assert diagnose_log(following, model=diagnosis.model).verdict["effects"] == []
+    again = diagnose_log(following, model=diagnosis.model)
+    assert again.verdict["effects"] == []
+    assert any("is beyond what the learned law was found over" in text for text in again.document()["warnings"])
 
 
 @pytest.mark.parametrize("seed", [21, 22, 23, 24])

@@ -160,7 +160,7 @@ def test_a_model_file_brings_it_back() -> None:
         ({"quantity": "colour"}, "colour"),
         ({"column": ""}, "names the log's column"),
         ({"values": [1.0]}, "values"),
-        ({"std": [1.0, 2.0]}, "has 2 numbers"),
+        ({"std": [1.0, 2.0, 3.0]}, "has 3 numbers"),
     ],
 )
 def test_a_spoilt_law_is_refused_in_words(spoilt: dict[str, object], words: str) -> None:

@@ -132,7 +132,12 @@ READINGS: dict[str, Reading] = {
     "lost counts": _lost_counts,
     "heavy tails": _heavy,
 }
-ALL = {**FAMILIES, **LAWS}
+SPELLS: dict[str, Law] = {  # something that lasts a tenth of the record, between three tenths and four of it
+    "drag, a while": lambda m: Made(drag=-0.08 * C if 0.3 < m.share < 0.4 else 0.0),
+    "gain, a while": lambda m: Made(gain=-0.08 if 0.3 < m.share < 0.4 else 0.0),
+    "torque, a while": lambda m: Made(torque=0.08 * C if 0.3 < m.share < 0.4 else 0.0),
+}
+ALL = {**FAMILIES, **LAWS, **SPELLS}
 _LATER: dict[str, Law] = {"gain for good": lambda m: Made(gain=-0.05)}  # of a wheel after something began
 
 

@@ -40,7 +40,7 @@ def percent_gained(whole: Fit, name: str) -> float | None:
 def _every_other(whole: Fit, name: str) -> BoolArray:
     """Every other five seconds inside an event, (n,)."""
     term = whole.model.of(name)[0]
-    onset, decay = term.effect.lasts(term.shape)
+    onset, decay = term.effect.lasts_of(term)
     since = whole.linearised.record.course.time_s - onset
     inside = (since >= 0.0) & (since < max(_DECAYS * decay, 2.0 * _STRIDE_S))
     return np.asarray(inside & (np.floor(since / _STRIDE_S) % 2.0 == 1.0))

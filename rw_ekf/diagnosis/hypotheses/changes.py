@@ -1,4 +1,4 @@
-"""Something that begins: the likeliest change at one time of a torque, a friction or the motor gain."""
+"""Something that begins, or lasts a while: the likeliest change of a torque, a friction or the motor gain in time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rw_ekf.diagnosis.hypotheses.grounds import Ground, Nameless
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
-from rw_ekf.effects.catalogue import CHANGE
+from rw_ekf.effects.catalogue import CHANGE, SPELL
+from rw_ekf.effects.spell import VALUES
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import Law
@@ -23,6 +24,8 @@ _PLACES = 60  # in time, at which a change is sought
 _ABRUPT_S = 0.01
 _RAMPS_S = (_ABRUPT_S, 10.0, 40.0)  # over which it comes
 _SEEN = 1.0e-6  # of a step's square: less is what the model itself follows
+_NEARER = 9  # places to either side of a spell's begin and end, within a step of the grid
+_LEAST_SPELL_S = 1.0
 _TIME_TOLERANCE_S = 0.2  # to which the time of a change is sought
 
 
@@ -48,6 +51,56 @@ def likeliest_change(profiled: Profiled, ground: Ground, facts: RecordFacts) -> 
     return Nameless(ground, factor, Term(CHANGE, (0.0,), (0.0,), law=law))
 
 
+def likeliest_spell(profiled: Profiled, ground: Ground, facts: RecordFacts) -> Nameless | None:
+    """The likeliest change that is over after a while: one that neither half of it shows as a step does.
+
+    A spell is the difference of two steps, so that all pairs of places come of one Gram matrix (circular binary
+    segmentation: Olshen, Venkatraman et al. 2004, Biostatistics 5, 557, eq. 1, beside a model's own regressors).
+    """
+    count = min(_PLACES, places_at_once(ground.at.size))
+    grid = np.linspace(facts.first_s, facts.last_s, count + 2)[1:-1]
+    first, last = np.triu_indices(count, 1)
+    _, rough = _gains_of_spells(profiled, ground, grid, grid[first], grid[last])
+    near = float(grid[1] - grid[0]) * np.linspace(-1.0, 1.0, _NEARER)
+    j = int(np.argmax(rough))
+    begins, ends = (part.ravel() for part in np.meshgrid(grid[first[j]] + near, grid[last[j]] + near))
+    there = (ends - begins > _LEAST_SPELL_S) & (begins > facts.first_s) & (ends < facts.last_s)
+    begins, ends = begins[there], ends[there]
+    sums, gains = _gains_of_spells(profiled, ground, np.unique(np.concatenate((begins, ends))), begins, ends)
+    if not gains.size or gains.max() <= 0.0:
+        return None
+    best = int(np.argmax(gains))
+    factor, deviation = evidence_of_drawn(
+        profiled, [(squares[best : best + 1, None], products[best : best + 1]) for squares, products in sums]
+    )
+    # All that was asked has been somewhere between any two places of the grid; near the best it was asked more finely.
+    factor += float(np.logaddexp.reduce(rough - rough[j])) - math.log(rough.size)
+    law = ground.law(float(begins[best]), float(ends[best]), np.array([VALUES]), np.array([deviation]))
+    return Nameless(ground, factor, Term(SPELL, (0.0,), (0.0,), law=law))
+
+
+def _gains_of_spells(
+    profiled: Profiled, ground: Ground, at: Float64Array, begins: Float64Array, ends: Float64Array
+) -> tuple[list[tuple[Float64Array, Float64Array]], Float64Array]:
+    """Squares and products of spells (m,) at each ratio, beside the model's own; their gains at its own noises.
+
+    at: all times at which one begins or ends, in order.
+    """
+    columns = ground.slope[:, None] * np.column_stack([_step(ground.at, time, _ABRUPT_S) for time in at])
+    first, last = np.searchsorted(at, begins), np.searchsorted(at, ends)
+    found = []
+    for i in range(len(profiled.ratios)):
+        sums = profiled.sums(i, columns)
+        own = np.diagonal(sums.gram)
+        squares = own[first] + own[last] - 2.0 * sums.gram[first, last]
+        seen = squares > _SEEN * np.maximum(sums.whole[first], sums.whole[last])
+        products = np.where(seen, sums.products[first] - sums.products[last], 0.0)
+        found.append((np.where(seen, squares, 1.0), products))
+    squares, products = found[profiled.own]
+    gains = 0.5 * profiled.count / max(profiled.rss[profiled.own], 1.0e-300) * products**2 / squares
+    return found, gains
+
+
 def _sums(
     profiled: Profiled, ground: Ground, tried: list[tuple[float, float]]
 ) -> Iterator[tuple[Float64Array, Float64Array, Float64Array]]:
@@ -61,41 +114,59 @@ def _sums(
         yield whole, squares, products
 
 
-def settled_change(less: Fit, fit: Fit) -> Fit:
+def settled_change(less: Fit, fit: Fit, found: Term) -> Fit:
     """A fit with a change that was found on a grid of times, at its likeliest time, which is known by the likelihood.
 
-    less: without it. At once, unless it is clearly likelier that it takes its time.
+    less: without it. At once, unless it is clearly likelier that it takes its time; of a spell begin and end in turn.
     """
-    term = fit.model.of(CHANGE.id)[-1]
-    law = term.law
-    assert law is not None
-    slowly, std = _at_likeliest_time(less, fit, term, law)
+    law = _law_of(fit, found)
+    if found.effect is SPELL:
+        begun, begins_std = _at_likeliest_time(less, fit, found, law, _BEGIN)
+        ended, ends_std = _at_likeliest_time(less, begun, found, _law_of(begun, found), _END)
+        return _with_spread(ended, found, begins_std, ends_std)
+    slowly, std = _at_likeliest_time(less, fit, found, law)
     if law.last - law.first > _ABRUPT_S:
         middle = 0.5 * (law.first + law.last)
         at_once = replace(law, first=middle - 0.5 * _ABRUPT_S, last=middle + 0.5 * _ABRUPT_S)
-        begun = less.refitted(less.model.with_terms(replace(term, law=at_once)))
-        abrupt, its_std = _at_likeliest_time(less, begun, term, at_once)
+        begun = less.refitted(less.model.with_terms(replace(found, law=at_once)))
+        abrupt, its_std = _at_likeliest_time(less, begun, found, at_once)
         if abrupt.likelihood.value > slowly.likelihood.value - INDISTINGUISHABLE:
             slowly, std = abrupt, its_std
-    placed = slowly.model.of(CHANGE.id)[-1]
-    assert placed.law is not None
-    return replace(slowly, model=slowly.model.changed(placed, replace(placed, law=replace(placed.law, spread=(std,)))))
+    return _with_spread(slowly, found, std)
 
 
-def _at_likeliest_time(less: Fit, fit: Fit, term: Term, law: Law) -> tuple[Fit, float]:
-    """The change at its likeliest time, and the time's standard deviation [s]."""
-    fits = {law.first: fit}
+def _law_of(fit: Fit, found: Term) -> Law:
+    law = fit.model.of(found.id)[-1].law
+    assert law is not None
+    return law
+
+
+def _with_spread(fit: Fit, found: Term, *stds: float) -> Fit:
+    """A fit with the standard deviations of its change's times [s]."""
+    placed, law = fit.model.of(found.id)[-1], replace(_law_of(fit, found), spread=stds)
+    return replace(fit, model=fit.model.changed(placed, replace(placed, law=law)))
+
+
+_BEGIN, _END = (1.0, 0.0), (0.0, 1.0)  # by how much the first and the last knot go with a time that is moved
+
+
+def _at_likeliest_time(
+    less: Fit, fit: Fit, term: Term, law: Law, goes: tuple[float, float] = (1.0, 1.0)
+) -> tuple[Fit, float]:
+    """The change at its likeliest time, and the time's standard deviation [s]. goes: what of it is moved."""
+    fits = {0.0: fit}
     course = less.linearised.record.course
     reach = float(course.time_s[-1] - course.time_s[0]) / _PLACES
     while reach > _TIME_TOLERANCE_S:
-        best = max(fits, key=lambda at: fits[at].likelihood.value)
-        for at in (best - reach, best + reach):
-            if at not in fits:
-                moved = replace(law, first=at, last=at + law.last - law.first)
-                fits[at] = less.refitted(less.model.with_terms(replace(term, law=moved)))
+        best = max(fits, key=lambda by: fits[by].likelihood.value)
+        for by in (best - reach, best + reach):
+            first, last = law.first + by * goes[0], law.last + by * goes[1]
+            if by not in fits and last - first > 0.5 * _ABRUPT_S:
+                moved = replace(law, first=first, last=last)
+                fits[by] = less.refitted(less.model.with_terms(replace(term, law=moved)))
         reach *= 0.5
     times = np.array(sorted(fits))
-    logs = np.array([fits[float(at)].likelihood.value for at in times])
+    logs = np.array([fits[float(by)].likelihood.value for by in times])
     best = float(times[np.argmax(logs)])
     weights = np.exp(logs - logs.max()) * np.gradient(times)
     variance = float(np.sum(weights * (times - best) ** 2) / np.sum(weights))

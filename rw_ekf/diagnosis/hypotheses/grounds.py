@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.beyond import beyond
 from rw_ekf.diagnosis.hypotheses.confounding import may_confound
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE, UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import TORQUE
@@ -88,6 +89,8 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     viscous = drive * speed
     gain = drive * current * fit.model.parameters.motor_gain
     loss = drive * np.sign(current) * fit.model.parameters.motor_gain
+    known = [term.law for term in fit.model.terms if term.law is not None and not term.law.prior_std]
+    edge = np.any([np.zeros(course.samples, dtype=bool), *(beyond(law, course) for law in known)], axis=0)
     # Without its mean a law makes up for that where the record never was: it is taken off only where it is another's.
     steady = (0,) if fit.model.of(TORQUE.id) else ()
     yield Ground("speed_size", "drag", np.abs(speed), dry, (0, 1))
@@ -113,12 +116,13 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     for quantity, values, name, slot in passing:
         if np.ptp(values) <= _LEAST_RANGE.get(quantity, 0.0) or np.unique(values[:5000]).size < _LEAST_VALUES:
             continue
-        if quantity != "time":  # a dry friction that goes with time is the catalogue's drift
-            yield Ground(quantity, "drag", values, dry, column=name, slot=slot)
-        yield Ground(quantity, "viscous_drag", values, viscous, column=name, slot=slot)
-        yield Ground(quantity, "windage", values, viscous * np.abs(speed), column=name, slot=slot)
-        yield Ground(quantity, "torque", values, drive, steady, column=name, slot=slot)
+        # What a law of the model is off by beyond its range begins and ends at a time, too.
+        seen = np.where(edge, 0.0, 1.0) if quantity == "time" else 1.0
+        yield Ground(quantity, "drag", values, dry * seen, column=name, slot=slot)
+        yield Ground(quantity, "viscous_drag", values, viscous * seen, column=name, slot=slot)
+        yield Ground(quantity, "windage", values, viscous * np.abs(speed) * seen, column=name, slot=slot)
+        yield Ground(quantity, "torque", values, drive * seen, steady, column=name, slot=slot)
         if facts.top_current_A > 0.0:
-            yield Ground(quantity, "motor_gain", values, gain, column=name, slot=slot)
+            yield Ground(quantity, "motor_gain", values, gain * seen, column=name, slot=slot)
             if quantity == "time":
-                yield Ground(quantity, "current_loss", values, loss, column=name, slot=slot)
+                yield Ground(quantity, "current_loss", values, loss * seen, column=name, slot=slot)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.hypotheses.changes import likeliest_change
+from rw_ekf.diagnosis.hypotheses.changes import likeliest_change, likeliest_spell
 from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
@@ -44,11 +44,15 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
     taken = {term.law.number for term in fit.model.terms if term.law is not None}
     found = []
     for ground in grounds(fit, facts, columns):
+        if ground.quantity == "time":
+            spell = likeliest_spell(profiled, ground, facts)
+            found += [] if spell is None else [spell]
+            if ground.acts_as == "drag":  # that goes with time otherwise is the catalogue's drift
+                continue
+            found.append(likeliest_change(profiled, ground, facts))
         law = _angle_law(profiled, ground) if ground.turned is not None else _smooth_law(profiled, ground)
         if law is not None and law.term.law is not None and law.term.law.number not in taken:
             found.append(law)
-        if ground.quantity == "time":
-            found.append(likeliest_change(profiled, ground, facts))
     return sorted(found, key=lambda item: -item.weight)
 
 

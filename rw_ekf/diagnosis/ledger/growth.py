@@ -25,7 +25,7 @@ from rw_ekf.diagnosis.thresholds import (
     MOST_TRIED,
     SIGNIFICANT_P,
 )
-from rw_ekf.effects.catalogue import CATALOGUE, CHANGE
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
@@ -106,8 +106,8 @@ def _with_laws(
             break
         fit, model = row.fit.refitted(row.fit.model.with_terms(law.term)), row.fit.model
         earlier = [term for term in model.terms if term.law is not None and term.law.prior_std]
-        if law.term.effect is CHANGE:
-            fit, earlier = settled_change(row.fit, fit), []
+        if law.term.effect.of_one_record:
+            fit, earlier = settled_change(row.fit, fit, law.term), []
         rows = [row.fit.refitted(model.changed(term, law.term)) for term in earlier]
         if fit.knows(law.term.id, LEAST_SIGMAS):
             named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import Any
 
+from rw_ekf.course.beyond import BeyondLaws
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.checks.event_agreement import percent_gained
 from rw_ekf.diagnosis.checks.heldout import Performance, gain_over, percent_better, performance
@@ -82,9 +83,12 @@ def document_of(judged: Judged) -> dict[str, Any]:
 
 def _warnings(judged: Judged) -> list[str]:
     prepared, found = judged.found.prepared, judged.found
+    beyond = BeyondLaws(prepared.base.model.effects)
+    beyond.add(prepared.record.course)
     return [
         *prepared.source.notes,
         *prepared.source.log.warnings,
+        *beyond.sentences(),
         *prepared.setup.notes,
         *prepared.notes,
         *([] if (text := judged.uneven) is None else [f"{text[:1].upper()}{text[1:]}"]),
