@@ -247,6 +247,10 @@ class Record:
         least_variance = _ROUNDED * (grid_of(course.speed_rad_s) or 0.0) ** 2
         return cls(course, follows, constants, logs, counted, torque_noise, angle_is_integrated, least_variance)
 
+    def within(self, part: BoolArray) -> Record:
+        """The same of a part (n,) alone."""
+        return replace(self, follows=self.follows & part & np.roll(part, 1))
+
     def along(self, trajectory: Trajectory) -> Record:
         """The same, its angle that of a trajectory that follows it."""
         if not trajectory.angle.size:

@@ -46,6 +46,12 @@ def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
     assert document["verdict"]["posterior"][effect] > 0.9
 
 
+def test_a_constant_torque_that_a_law_stood_for_alone_is_named_beside_what_is_found_next() -> None:
+    """Alone a torque by the size of the current explained 12 more of a record whose gain rises as well; both, 12 less."""
+    document = diagnose_log(log_of(case_called("pairs-035-motor_gain_temperature+offset_torque", 7703))).document()
+    assert sorted(document["verdict"]["effects"]) == ["motor_gain_temperature", "offset_torque"]
+
+
 def test_an_event_and_a_law_that_are_nearly_as_likely_are_both_told() -> None:
     """A motor gain that rises was a spike because that explained 5 more of 35; but a spike has more to choose from."""
     document = diagnose_log(log_of(case_called("id-5rpm-006-motor_gain_temperature", 10))).document()

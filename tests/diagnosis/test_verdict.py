@@ -28,7 +28,7 @@ def test_the_kind_is_that_of_what_is_likeliest() -> None:
 
     def called(none: float, elsewhere: float = 0.1) -> tuple[str, str]:
         posterior = {"quadratic_drag": 1.0 - none - elsewhere, "none": none, "something_else": elsewhere}
-        verdict = verdict_on(Evidence(found, None, posterior, figures, figures, 60.0, {}, None))
+        verdict = verdict_on(Evidence(found, None, posterior, figures, figures, 60.0, False, {}, None))
         return verdict.kind, verdict.statement
 
     assert called(0.8)[0] == "adequate"
@@ -51,7 +51,7 @@ def test_no_effect_is_named_that_is_less_likely_than_not() -> None:
     open_ = {name: 0.3, "none": 0.2, "something_else": 0.1}
     assert unlikely(found, sure) == ([] if alike else [name])
     assert unlikely(found, open_) == [name]
-    verdict = verdict_on(Evidence(found, None, open_, figures, figures, 60.0, {}, None, [name]))
+    verdict = verdict_on(Evidence(found, None, open_, figures, figures, 60.0, False, {}, None, [name]))
     assert (verdict.kind, verdict.effects) == ("unexplained", [])
     assert f"{name} 30 %" in verdict.statement
 
@@ -78,7 +78,7 @@ def test_no_sentence_stands_against_a_test_of_its_own_document() -> None:
     white = np.random.default_rng(1).standard_normal(2000)
     for left, words in ((white, ""), (white + 0.3 * np.roll(white, 1), "correlated in time"), (1.2 * white, "spread")):
         failed = failed_tests(residual_tests(left))
-        verdict = verdict_on(Evidence(found, None, POSTERIOR, figures, figures, 60.0, failed, None))
+        verdict = verdict_on(Evidence(found, None, POSTERIOR, figures, figures, 60.0, False, failed, None))
         assert (verdict.kind == "adequate") == (not words)
         assert words in verdict.statement
     assert failed_tests(residual_tests(1.2 * white, rounded=True)) == {}

@@ -29,7 +29,6 @@ class Check:
     value: float | None  # None: not one number
     limit: float | None
     decision: Decision | None = None  # of the effect, where it does not pass
-    settled: bool = True  # False: the record cannot answer
 
     @property
     def passed(self) -> bool:
@@ -38,10 +37,9 @@ class Check:
 
     def document(self) -> dict[str, object]:
         """As the document has it."""
-        words = "" if self.settled else "no held-out figure says anything of it"
         return {
             "check": self.name, "effect": self.effect, "value": self.value, "limit": self.limit, "passed": self.passed,
-            "words": words if self.decision is None else self.decision.words,
+            "words": "" if self.decision is None else self.decision.words,
         }  # fmt: skip
 
 
@@ -121,9 +119,9 @@ def _agreed(prepared: Prepared, fit: Fit, name: str) -> Check:
 
 
 def _held_out(prepared: Prepared, fit: Fit, name: str, p: float) -> Check:
-    worse, unjudged = veto(prepared, fit, name, p)
+    worse = veto(prepared, fit, name, p)
     why = None if worse is None else Decision(Reason.NOT_CONFIRMED, f"on the held-out part {worse}")
-    return Check("held-out figures", name, None, None, why, settled=not unjudged)
+    return Check("held-out figures", name, None, None, why)
 
 
 def _predicts(prepared: Prepared, fit: Fit, name: str) -> Check:

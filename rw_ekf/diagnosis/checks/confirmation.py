@@ -7,7 +7,7 @@ from typing import Any
 
 from rw_ekf.diagnosis.checks.cross_fit import expected_excess
 from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself
-from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance
+from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance, performance_by_turns
 from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import (
@@ -36,25 +36,25 @@ _VETOED = (
 _FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 
 
-def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str | None, bool]:
-    """Which held-out figure an effect makes clearly worse, in words; and whether no figure says anything of it.
+def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None:
+    """Which held-out figure an effect makes clearly worse, in words.
 
     What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
     out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
     hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
-    alone has no say then. A law without a formula has nothing to show for itself but what it predicts.
+    alone has no say then; where neither has one, stretches are held out by turns. A law without a formula has nothing
+    to show for itself but what it predicts.
     """
-    less, unjudged = more.without(name), False
+    less = more.without(name)
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
         ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
-        findings = [_worse(way, less, more) for way in ways]
-        worse = findings[-1] if findings and None not in findings else None
-        unjudged = not ways and _gain(prepared, less, more) <= REAL_GAIN
+        findings = [_worse(way, less, more) for way in ways] or [_worse(prepared, less, more, by_turns=True)]
+        worse = findings[-1] if None not in findings else None
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
-    return worse, unjudged
+    return worse
 
 
 def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
@@ -75,24 +75,21 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
     return expected_excess(fit, by_fit_part(way, fit), way.split.fit)
 
 
-def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
+def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words.
 
     Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
     errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
-    number of the other part is off by, which torque noise would hide, shows there.
+    number of the other part is off by, which torque noise would hide, shows there. By turns it does wherever the free
+    run is nearer, for numbers are judged so that half of the record hardly knows.
     """
-    before, after = performance(prepared, less).figures, performance(prepared, more).figures
-    gain = _gain(prepared, less, more)
-    if gain > GREAT_GAIN:
+    judge = performance_by_turns if by_turns else performance
+    before, after = (judge(prepared, fit).figures for fit in (less, more))
+    old, new = (figures.get("free_run_rms_rpm") for figures in (before, after))
+    gain = 1.0 - new / old if old and new else 0.0
+    if gain > (REAL_GAIN if by_turns else GREAT_GAIN):
         before = {key: before[key] for key in _FAR_AHEAD}
     return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
-
-
-def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:
-    """Share by which the free run over the held-out part is nearer; 0 where there is none."""
-    old, new = (performance(prepared, fit).figures.get("free_run_rms_rpm") for fit in (less, more))
-    return 1.0 - new / old if old and new else 0.0
 
 
 def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:

@@ -66,8 +66,10 @@ def likeliest_spell(profiled: Profiled, ground: Ground, facts: RecordFacts) -> N
     begins, ends = (part.ravel() for part in np.meshgrid(grid[first[j]] + near, grid[last[j]] + near))
     there = (ends - begins > _LEAST_SPELL_S) & (begins > facts.first_s) & (ends < facts.last_s)
     begins, ends = begins[there], ends[there]
+    if not begins.size:  # of a record of seconds
+        return None
     sums, gains = _gains_of_spells(profiled, ground, np.unique(np.concatenate((begins, ends))), begins, ends)
-    if not gains.size or gains.max() <= 0.0:
+    if gains.max() <= 0.0:
         return None
     best = int(np.argmax(gains))
     factor, deviation = evidence_of_drawn(

@@ -25,7 +25,7 @@ from rw_ekf.diagnosis.thresholds import (
     MOST_TRIED,
     SIGNIFICANT_P,
 )
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, LEARNED
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
@@ -64,6 +64,7 @@ def grown(
         ledger, selection = _grown_from(search, row, ledger, selection)
         if turn == 0 and len(ledger.rows) > 1 and not row.effects:
             ledger, selection = _with_laws(search, row, ledger, selection, laws, most=1, ahead_of=ledger.rows[0])
+    ledger, selection = _named_in_place_of_laws(search, ledger, selection, done)
     for _ in range(_MOST_EXCHANGES):
         top = ledger.rows[0]
         if not top.effects:
@@ -89,7 +90,24 @@ def grown_with_laws(search: Search, ledger: Ledger, selection: Selection, laws: 
             ledger, selection = _with_laws(search, row, ledger, selection, laws)
         if count:
             ledger, selection = _grown_from(search, row, ledger, selection)
-    return ledger, selection
+    return _named_in_place_of_laws(search, ledger, selection, done)
+
+
+def _named_in_place_of_laws(
+    search: Search, ledger: Ledger, selection: Selection, done: set[Key]
+) -> tuple[Ledger, Selection]:
+    """With named effects in the place of the likeliest row's laws without a formula, beside all else of that row.
+
+    Alone a law follows a part of what else is there as well, so that it goes ahead of the constant torque, say, that it
+    stands for, and whatever is found next is found beside it.
+    """
+    top = ledger.rows[0]
+    if LEARNED.id not in top.effects or len(top.effects) == 1:
+        return ledger, selection
+    row = ledger.row(search.without(top.fit, LEARNED.id))
+    if row.key in done:
+        return ledger, selection
+    return _grown_from(search, row, ledger.with_rows([row.fit]), selection)
 
 
 def _with_laws(

@@ -96,12 +96,6 @@ class Ledger:
         """With what no row was asked yet: whatever a check stands on has changed."""
         return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
 
-    @property
-    def unsettled(self) -> list[str]:
-        """Effects of which no held-out figure says anything, as they were asked."""
-        asked = (check for row in self.rows for check in row.checks)
-        return list(dict.fromkeys(check.effect for check in asked if not check.settled))
-
     def document(self, stands: Fit | None) -> list[dict[str, Any]]:
         """The likeliest rows, the one that stands, the base model, and all that were asked anything."""
         key, bare = None if stands is None else key_of(stands), key_of(self.base)

@@ -8,8 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.diagnosis.checks.confirmation import better_known
-from rw_ekf.diagnosis.checks.heldout import Performance, percent_better, performance, performance_read
+from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.checks.heldout import (
+    Performance,
+    percent_better,
+    performance,
+    performance_by_turns,
+    performance_read,
+)
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
@@ -17,7 +23,7 @@ from rw_ekf.diagnosis.hypotheses.wander import without_walk
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.standing import Decision, Reason
-from rw_ekf.diagnosis.thresholds import GRID_GAINS
+from rw_ekf.diagnosis.thresholds import BLIND, GRID_GAINS
 from rw_ekf.diagnosis.verdict.document import document_of
 from rw_ekf.diagnosis.verdict.explanations import weighed_explanations
 from rw_ekf.diagnosis.verdict.judged import Judged
@@ -56,10 +62,8 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
 
 def judgement(found: Found, advance: Advance) -> Judged:
     """Weigh what was found, hold it against the held-out part and the tests of the residual, and name it."""
-    found = _by_better_known_numbers(found)
     prepared, selection = found.prepared, found.selection
-    before = performance(prepared, selection.base)
-    after = performance(prepared, found.figured) if found.new_ids else before
+    before, after, by_turns = _figures(found)
     lattice, rounded_off = (None, None) if found.is_unexplained else named_grid(found)
     after = after if rounded_off is None else rounded_off
     heldout_s = sum(end - begin for begin, end in prepared.split.document()["heldout_s"])
@@ -79,7 +83,9 @@ def judgement(found: Found, advance: Advance) -> Judged:
     for name in found.new_ids:
         selection = selection.decided(name, Decision(reason))
     found = replace(found, selection=selection)
-    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noise.sentence, doubted))
+    verdict = verdict_on(
+        Evidence(found, lattice, posterior, before, after, heldout_s, by_turns, failed, noise.sentence, doubted)
+    )
     advance("writing the model")
     model = augmented_model(found, lattice) if is_better and not doubted else None
     refusal = None if model is None else refusal_of(model)
@@ -88,17 +94,20 @@ def judgement(found: Found, advance: Advance) -> Judged:
     return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
 
 
-def _by_better_known_numbers(found: Found) -> Found:
-    """The same with the parts exchanged where what was found foretells worse and the other knows its numbers better.
+def _figures(found: Found) -> tuple[Performance, Performance, bool]:
+    """How well the base model and what was found foretell the held-out part; and whether by turns.
 
-    It stands then by what that part says: one that does not know the numbers has no say (`confirmation.veto`).
+    So where what was found foretells worse by numbers that half of the record hardly knows.
     """
-    if not found.new_ids or found.lattice is not None or found.figured.simulated:
-        return found
-    before, after = (performance(found.prepared, fit).figures for fit in (found.selection.base, found.figured))
-    if (percent_better(before, after) or 0.0) >= 0.0:
-        return found
-    return replace(found, prepared=better_known(found.prepared, without_walk(found.figured)))
+    prepared, base, more = found.prepared, found.selection.base, found.figured
+    before = performance(prepared, base)
+    if not found.new_ids:
+        return before, before, False
+    after = performance(prepared, more)
+    poor = found.lattice is None and not more.simulated and (percent_better(before.figures, after.figures) or 0.0) < 0.0
+    if not poor or for_want_of_knowledge(prepared, without_walk(more)) < BLIND:
+        return before, after, False
+    return performance_by_turns(prepared, base), performance_by_turns(prepared, more), True
 
 
 def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:

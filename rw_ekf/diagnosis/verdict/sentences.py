@@ -35,13 +35,12 @@ _ORDERS_TOLD = 4
 _BLURRED = 0.25  # share by which squared errors held out grow for want of knowledge, and which is told
 
 
-def measured_by_little(found: Found, names: list[str]) -> str:
+def measured_by_little(found: Found, *, by_turns: bool) -> str:
     """A sentence where held-out errors are those of numbers that the other part hardly knows, else nothing."""
-    unjudged = [name for name in found.ledger.unsettled if name in names]
-    if unjudged:
+    if by_turns:
         return (
-            f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"
-            " little of the numbers to predict the other."
+            " Half of this record knows too little of the numbers to foretell the other: each stretch held out is"
+            " foretold by all the rest of the record."
         )
     excess = for_want_of_knowledge(found.prepared, without_walk(found.selection.final))
     if excess < _BLURRED:

@@ -49,6 +49,7 @@ class Evidence:
     before: Performance  # on the held-out part
     after: Performance
     heldout_s: float  # how long that is
+    by_turns: bool  # whether each stretch of it is foretold by all the rest of the record
     failed: Mapping[str, float]  # what tests of the residual found that noise does not have, in words, with its p
     noisy: str | None  # what the noises have swallowed, in words
     doubted: list[str] = field(default_factory=list)  # effects that were found and are less likely than not
@@ -123,7 +124,7 @@ def _effect(shown: Evidence) -> Verdict:
     if any(CATALOGUE[name].local_in_time for name in names):
         where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
     text = f"{'; '.join(sentences)}; add {', '.join(names)}{where}: {_gained(shown, names)}; {_what_is_left(shown)}."
-    text += measured_by_little(found, names)
+    text += measured_by_little(found, by_turns=shown.by_turns)
     groups = _grouped(found.selection, names, shown.posterior)
     text += f" {separation(groups[0], shown.posterior, found.selection)}." if groups else _another_record(found, names)
     if shown.posterior.get(SOMETHING_ELSE, 0.0) >= 0.5:
