@@ -47,7 +47,7 @@ def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
 
 
 def test_a_constant_torque_that_a_law_stood_for_alone_is_named_beside_what_is_found_next() -> None:
-    """Alone a torque by the size of the current explained 12 more of a record whose gain rises as well; both, 12 less."""
+    """A torque by the size of the current explains 12 more than it, of a wheel whose gain rises too; both, 12 less."""
     document = diagnose_log(log_of(case_called("pairs-035-motor_gain_temperature+offset_torque", 7703))).document()
     assert sorted(document["verdict"]["effects"]) == ["motor_gain_temperature", "offset_torque"]
 
