@@ -14,7 +14,8 @@ from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
 from rw_ekf.diagnosis.verdict.explanations import Explanation
-from rw_ekf.effects.catalogue import GRID
+from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.model.effect_kinds import LawEffect
 
 NONE, SOMETHING_ELSE = "none", "something_else"
 _MOST_DECADES = 8.0
@@ -69,7 +70,10 @@ def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
 
 
 def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:
-    alike = {name, *(rival.name for rival in found.selection.rivals.get(name, ()))}
+    rivals = {rival.name for rival in found.selection.rivals.get(name, ())}
+    if not issubclass(CATALOGUE[name], LawEffect):  # what a law without a formula may be is not what was named
+        rivals = {other for other in rivals if not issubclass(CATALOGUE[other], LawEffect)}
+    alike = {name, *rivals}
     return math.fsum(posterior.get(other, 0.0) for other in alike)
 
 
