@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import (
     Performance,
     percent_better,
@@ -19,11 +18,10 @@ from rw_ekf.diagnosis.checks.heldout import (
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
-from rw_ekf.diagnosis.hypotheses.wander import without_walk
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.standing import Decision, Reason
-from rw_ekf.diagnosis.thresholds import BLIND, GRID_GAINS
+from rw_ekf.diagnosis.thresholds import GRID_GAINS
 from rw_ekf.diagnosis.verdict.document import document_of
 from rw_ekf.diagnosis.verdict.explanations import weighed_explanations
 from rw_ekf.diagnosis.verdict.judged import Judged
@@ -97,7 +95,7 @@ def judgement(found: Found, advance: Advance) -> Judged:
 def _figures(found: Found) -> tuple[Performance, Performance, bool]:
     """How well the base model and what was found foretell the held-out part; and whether by turns.
 
-    So where what was found foretells worse by numbers that half of the record hardly knows.
+    So where what was found, which no held-out figure refuses, foretells worse by the numbers of half of the record.
     """
     prepared, base, more = found.prepared, found.selection.base, found.figured
     before = performance(prepared, base)
@@ -105,7 +103,7 @@ def _figures(found: Found) -> tuple[Performance, Performance, bool]:
         return before, before, False
     after = performance(prepared, more)
     poor = found.lattice is None and not more.simulated and (percent_better(before.figures, after.figures) or 0.0) < 0.0
-    if not poor or for_want_of_knowledge(prepared, without_walk(more)) < BLIND:
+    if not poor:
         return before, after, False
     return performance_by_turns(prepared, base), performance_by_turns(prepared, more), True
 
