@@ -151,7 +151,7 @@ GREAT_GAIN = _number(
     "a model that leaves no torque noise predicts one step as its free run",
 )  # fmt: skip
 BLIND = _number(
-    "BLIND", 0.025, "share", "a part whose predictions are worse by it for want of knowledge has no say",
+    "BLIND", 0.025, "share", "a part whose predictions are worse by it for want of knowledge gives way to the other",
     "24 healthy wheels: .016 on average, four times by chance",
 )  # fmt: skip
 UNDOUBTED_P = _number(

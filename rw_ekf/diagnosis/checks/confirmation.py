@@ -39,27 +39,18 @@ _FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None:
     """Which held-out figure an effect makes clearly worse, in words.
 
-    What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
-    out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
-    hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
-    alone has no say then; where neither has one, stretches are held out by turns. A law without a formula has nothing
-    to show for itself but what it predicts.
+    What the record leaves no doubt of (p_value: on all of it) is refused only where that is so by turns, too: half of
+    a record that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
+    hides nothing are worse for it. A law without a formula has nothing to show for itself but what it predicts.
     """
     less = more.without(name)
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
-        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
-        findings = [_worse(way, less, more) for way in ways] or [_worse(prepared, less, more, by_turns=True)]
-        worse = findings[-1] if None not in findings else None
+        worse = _worse(prepared, less, more, by_turns=True)
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse
-
-
-def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
-    """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
-    return all(for_want_of_knowledge(way, fit) < BLIND for fit in (less, more))
 
 
 def better_known(prepared: Prepared, fit: Fit) -> Prepared:
