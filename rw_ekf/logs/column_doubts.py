@@ -18,8 +18,9 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import SINCE_LAST
 from rw_ekf.logs.column_names import said_by, unit_in_prose
 from rw_ekf.logs.column_prose import hint_about
-from rw_ekf.logs.column_records import Column, Guess, Line, are_counts
+from rw_ekf.logs.column_records import Column, Guess, Line, are_counts, said_in_columns
 from rw_ekf.logs.column_units import size_of_count, unit_of
+from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.raw_table import RawTable
 
 _TWICE = 0.3  # of the rows have the time of the row before, where several wheels are told of at each
@@ -42,14 +43,20 @@ _TURNING = (
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
 _FACTOR = re.compile(
-    r"_(?:x|div|by)_?\d+(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*(?:[a-z]?Hz|[mun]?s\b)|[a-z])",
+    r"_(?:x|div|by)_?\d+(?!\w)|_(?:per|in|of)_?10+k?(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)"
+    r"(?![\d.,]|\s*(?:[a-z]?Hz|[mun]?s\b)|[a-z])|"
+    # as a word: rpm_1k, rpm in thousands, k_rpm, n_Tsd
+    r"(?<![^\W_])(?:1k|1e[+-]?\d|e[+-]\d|kilo|thousands?|tausend\w*|tsd|hundreds?|tens|tenths?|hundredths?|thousandths?|"
+    r"deci|centi|milli|k(?=[ _]rpm)|(?<=rpm[ _])k)(?![^\W_])",
     re.IGNORECASE,
 )
 _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
+_SPEEDS = ("speed_rad_s", "speed_rpm")
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
 _LIKE_A_UNIT = re.compile(
     r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff|p|pp|p-p|dc|ac)?"
 )  # of no known meaning
+_LEAST_UNITS = 2  # in brackets at other columns, where a word there is to be one
 _A_WORD = 3  # letters: shorter is a unit, or an axis
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
 _INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
@@ -111,11 +118,16 @@ def _doubts(
     if line.name not in ("speed_rad_s", "speed_rpm", "current_A", "current_command_A"):
         return
     if (factor := _FACTOR.search(column.name) or _FACTOR.search(column.remark)) is not None:
-        yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
+        text = f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?"
+        yield text, (line, *_scaled(line, factor[0]))
     if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     if (size := size_of_count(column.unit)) is not None and not are_counts(column.values, size[0]):
         yield f"{column.shown}: its numbers are no counts of {column.unit!r}: what are they in?", (line,)
+    if aside := sorted(said_by(column.bare_name or column.name).words & WORDS["aside"]):
+        yield f"{column.shown}: '{aside[0]}' may say that it is something else: is it the reading itself?", (line,)
+    if (beside := _unknown_unit(column, table)) and not told.unit(*(_SPEEDS if line.name in _SPEEDS else (line.name,))):
+        yield f"{column.shown}: what does the unit beside it, {beside!r}, mean?", (line,)
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
         yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
@@ -125,6 +137,15 @@ def _doubts(
         yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
     if line.name.startswith("speed"):
         yield from _doubts_of_speed(one, bool(told.unit("speed_rad_s", "speed_rpm")))
+
+
+def _scaled(line: Line, factor: str) -> Iterator[Line]:
+    """A line with its numbers divided and multiplied by a factor that is a power of ten in digits: `_x100`."""
+    if (ten := re.search(r"10+(?=k?$)", factor.strip())) is None or "scale" in line.entry:
+        return
+    size = float(ten[0]) * (1.0 if factor[-1] != "k" else 1e3)
+    for scale in (1.0 / size, size):
+        yield replace(line, entry=line.entry | {"scale": float(f"{scale:.12g}")})
 
 
 def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
@@ -180,6 +201,21 @@ def _unread(column: Column) -> str:
         if another or (known is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text))):
             return str(text)
     return ""
+
+
+def _unknown_unit(column: Column, table: RawTable) -> str:
+    """What a file has beside a column for its unit and is none that is known: then the name's habit is not its unit.
+
+    In brackets it stands for one where all others there are units: `t [s],n [Skt],I [mA]`.
+    """
+    beside = {**said_in_columns(table)[0], **table.units}.get(column.name, "").strip(" []()")
+    if beside.strip("-–—?") and unit_of(beside) is None:
+        return beside
+    last = {name: found[-1] for name in table.names if (found := _BRACKETED.findall(name))}
+    text = last.pop(column.name, "")
+    if column.said.unit is not None or len(last) < _LEAST_UNITS or not all(map(unit_of, last.values())):
+        return ""
+    return text if text.isalpha() and not said_by(text).has(*WORDS) else ""
 
 
 def _contradicting_unit(column: Column, table: RawTable) -> str:

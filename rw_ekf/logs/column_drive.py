@@ -39,6 +39,12 @@ _HARDLY = 0.05  # of itself: a supply's voltage moves by so much under load
 _FULL_SHARE = 1.05  # of a drive: more is a count of something
 _HALF_PERCENT = 40.0  # never below it: a bridge whose zero is at 50 %
 _UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
+_OTHER_LOADS = (
+    "aux", "brake", "charger", "coil", "cpu", "excitation", "fan", "field", "fuse", "gyro", "heater", "heizung", "host",
+    "imu", "laser", "leak", "leakage", "led", "logic", "magnet", "mcu", "model", "obc", "panel", "pcb", "predicted",
+    "pump", "radio", "sim", "simulated", "solar", "standby",
+)  # fmt: skip
+_RAIL = re.compile(r"(?<![A-Za-z0-9])\d{1,2}v\d?(?![A-Za-z0-9])", re.IGNORECASE)  # I_3v3, current_24V
 
 
 def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess: Guess) -> None:
@@ -116,6 +122,9 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
             guess.ask(name, f"{text}: is it what makes the torque?", Line(name, column.entry(column.unit), ""))
         elif role == "current" and column.said.any_of("limit", "peak", "max", "min"):
             guess.ask(name, f"{column.shown}: is it the current that flows?", Line(name, column.entry(column.unit), ""))
+        elif (column.said.any_of(*_OTHER_LOADS) or _RAIL.search(column.name)) and not column.said.has("machine"):
+            text = f"{column.shown} may be of something else than the motor: is it the motor's current?"
+            guess.ask(name, text, Line(name, column.entry(column.unit), ""))
         elif role == "current" and column.said.has("supply") and fed:
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))

@@ -37,6 +37,11 @@ _EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a strok
 _AMOUNT = re.compile(r"(?<![\w.])(?!(?:0?\.0*1|10*)\s)[+-]?\d[\d.,]*\s+(?!by|of|to)[A-Za-z°µ%][\w/°%^-]*")
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
 _DERIVATIVE = re.compile(r"\bder\(")  # of what stands behind it, in Modelica
+_TIMES = re.compile(r"(?<=\w)[_ ]?[x×]_?10+$", re.IGNORECASE)  # behind the unit: current_A_x100, which is asked about
+_PRESENT = re.compile(  # the one of now, and no ampere: current_speed, current_time
+    r"(?<![A-Za-z])current[_ ]?(?=(?:time|speed|vel|pos|angle|rpm|temp|torque|state|volt|date)[a-z]*(?![a-z]))",
+    re.IGNORECASE,
+)
 _LEVELS = re.compile(r"'([^']*)'")
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
@@ -94,7 +99,8 @@ def spoken(name: str) -> str:
 def said_by(name: str) -> Said:
     """Take a name apart."""
     name = spoken(name)
-    name = _DERIVATIVE.sub("derivative (", _EVERY.sub("", name))
+    name = _PRESENT.sub("", name)
+    name = _TIMES.sub("", _DERIVATIVE.sub("derivative (", _EVERY.sub("", name)))
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
         bare, text, unit = _split(match["name"])
@@ -194,7 +200,7 @@ def role_of(said: Said) -> Role:
     if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
         axis = {"x", "data", "x_data", "xdata"}  # of a plot; dSPACE's X.Data
         alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower(), *axis}
-        return "time" if alone or said.says_time else "other"
+        return "time" if alone or said.says_time or said.any_of("tick", "ticks", "systick") else "other"
     if role == "current" and said.has("direct") and not said.any_of("q", "iq"):
         return "other"  # it magnetises, and turns nothing
     if role == "voltage" and said.has("bus"):

@@ -61,6 +61,7 @@ class Guess:
     options: dict[str, object] = field(default_factory=dict)  # further keys of the map
     questions: list[Question] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)  # what was taken though no word of the file says so
 
     @property
     def is_certain(self) -> bool:
@@ -127,7 +128,7 @@ class Column:
         second = said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
         whole = said.unit is not None and not said.unit.per
         return (
-            int(self.name in READABLE_COLUMNS), int(not second), int(not electrical),
+            int(self.name in READABLE_COLUMNS), int(not second), int(not said.has("aside")), int(not electrical),
             int(said.has("torque_axis")), int(not said.has("supply")), int(not self.is_of_a_phase),
             int(said.has("machine")), int(said.has("raw")), int(whole),
         )  # fmt: skip

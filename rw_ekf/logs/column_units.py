@@ -74,6 +74,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("current", 1e-3), "marms maeff mapk mapeak"),
     **_all(Unit("current", 1e-3), "ma ма 毫安 milliamp milliamps milliampere milliamperes"),
     **_all(Unit("current", 1e-6), "ua µa"),
+    **_all(Unit("current", 1e3), "ka"),
     **_all(Unit("torque"), "nm n.m n-m newton-meter newton-meters newtonmeter newtonmeters nmeter"),
     **_all(Unit("torque", 1e-3), "mnm"),
     **_all(Unit("torque", 1e-6), "unm"),
@@ -164,7 +165,7 @@ OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
 }
 
 
-_SCALED = re.compile(r"x?(0?\.0*1|10+)[x.]?([^\d.].*)")  # a power of ten: 2 is the number of something
+_SCALED = re.compile(r"x?(0?\.0*1|10+|1e[+-]?\d+)[x.]?([^\d.].*|1/.*)")  # a power of ten: 2 is the number of something
 _PER_COUNT = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)([^\d.].*?)(?:/|per)(?:lsb|bit|digit|count|cnt)s?")
 _PREFIXED = {"cA": (0.01, "a"), "dA": (0.1, "a"), "cV": (0.01, "v"), "dV": (0.1, "v")}  # MAVLink's; `ca` is a word
 
@@ -189,6 +190,7 @@ def size_of_count(spelling: str) -> tuple[float, str] | None:
 def plain_spelling(spelling: str) -> str:
     """A unit without what people write in different ways."""
     text = re.sub(r"(?<=\d),(?=\d)", ".", spelling.strip().lower()).translate(_PLAIN)
+    text = re.sub(r"(?<![\d.])10\s*(?:\^|\*\*)\s*[({]?([+-]?\d+)[)}]?", r"1e\1", text)
     return re.sub(r"[\s*·⋅×^_\[\](){}<>\"']|\*\*", "", text).rstrip(".")
 
 
@@ -225,5 +227,18 @@ def _distinct() -> list[Unit]:
 
 
 _PLAIN = str.maketrans(
-    {"⁻": "-", "−": "-", "¹": "1", "²": "2", "µ": "u", "μ": "u", "º": "°", "ω": "w", "∙": "", "℃": "°c", "℉": "°f"}
+    {
+        "⁻": "-",
+        "−": "-",
+        "¹": "1",
+        "²": "2",
+        "µ": "u",
+        "μ": "u",
+        "º": "°",
+        "ω": "w",
+        "∙": "",
+        "â": "",
+        "℃": "°c",
+        "℉": "°f",
+    }
 )

@@ -15,7 +15,7 @@ WORDS: dict[str, frozenset[str]] = {
         "time": """
             abszisse aika cas clock czas date datetime datum elapsed fecha heure hora ido micros millis saat
             sec seconds stamp t tempo temps tid tiempo tijd time timestamp timesec timeseconds timestamps ts uhrzeit
-            x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
+            tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
             istdrehzahl motordrehzahl motorspeed n nm1 nopeus obratky obrotowa obroty omega omegas omg
@@ -74,6 +74,13 @@ WORDS: dict[str, frozenset[str]] = {
             abs acc accel acceleration average averaged avg derivative diff err error est estimate estimated
             filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
             simulated smooth smoothed std """,
+        "aside": """
+            abweichung acc accel acceleration band bias delta deviation diff difference differenz fft
+            grenzwert initial lim limit max min next noise nom nominal norm normalised normalized normiert offset
+            old prev previous rated ratio ripple sigma sq squared stall start std sum threshold tolerance variance
+            zero """,
+        "countdown": """
+            countdown left remaining rest restant restante restzeit togo verbleibend """,
         "raw": """
             act actual fb feedback gemeten ist istwert meas measured medida medido mesure misurata misurato
             olculen raw real zmierzona zmierzony """,
@@ -88,11 +95,12 @@ WORDS: dict[str, frozenset[str]] = {
 # Signs of other scripts, and pieces of words, by what they stand for.
 SIGNS = {
     "轉速": " speed ", "转速": " speed ", "速度": " speed ", "電流": " current ", "电流": " current ", "時間": " time ",
-    "时间": " time ", "電壓": " voltage ", "电压": " voltage ", "轉矩": " torque ", "转矩": " torque ",
-    "扭矩": " torque ", "温度": " temperature ", "溫度": " temperature ", "시간": " time ", "회전속도": " speed ",
-    "속도": " speed ", "전류": " current ", "전압": " voltage ", "온도": " temperature ", "전원": " supply ",
-    "모터": " motor ", "지령": " set ", "목표": " set ", "휠": " wheel ", "ı": "i", "ł": "l", "角度": " angle ",
-    "指令": " command ", "目标": " target ", "设定": " set ", "给定": " set ", "目標": " set ", "电源": " supply ",
+    "时间": " time ", "時刻": " time ", "電壓": " voltage ", "电压": " voltage ", "轉矩": " torque ",
+    "转矩": " torque ", "扭矩": " torque ", "温度": " temperature ", "溫度": " temperature ", "시간": " time ",
+    "회전속도": " speed ", "속도": " speed ", "전류": " current ", "전압": " voltage ", "온도": " temperature ",
+    "전원": " supply ", "모터": " motor ", "지령": " set ", "목표": " set ", "휠": " wheel ", "ı": "i", "ł": "l",
+    "角度": " angle ", "指令": " command ", "目标": " target ", "设定": " set ", "给定": " set ", "目標": " set ",
+    "电源": " supply ",
     "供电": " supply ", "母线": " bus ", "电机": " motor ", "電機": " motor ", "实际": " actual ", "飞轮": " wheel ",
     "轴承": " bearing ", "время": " time ", "частота вращ": " speed ", "скорост": " speed ", "оборот": " speed ",
     "ток ": " current ", "двигател": " motor ", "потреб": " supply ", "питан": " supply ",
@@ -105,9 +113,10 @@ SIGNS = {
 # Which way a wheel turns; R is right beside L, and reverse beside F.
 FORWARD = frozenset({
     "+", "+1", "1", "cw", "f", "fwd", "forward", "forwards", "pos", "positive", "right", "rechts", "vor", "vorwaerts",
-    "vorwärts", "true", "up", "avant", "horaire",
+    "vorwärts", "true", "up", "avant", "horaire", "orario", "horario",
 })  # fmt: skip
 BACKWARD = frozenset({
     "-", "-1", "0", "ccw", "b", "back", "backward", "backwards", "rev", "reverse", "neg", "negative", "left", "l",
-    "links", "zurueck", "rückwärts", "false", "down", "arriere", "antihoraire",
+    "links", "zurueck", "rückwärts", "false", "down", "arriere", "arrière", "antihoraire",
+    "anti-horaire", "antiorario", "antihorario",
 })  # fmt: skip

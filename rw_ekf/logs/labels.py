@@ -19,12 +19,13 @@ from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.raw_table import Factor, RawTable
 
 _REMARK_TAIL = re.compile(r"[._](long_?name|desc\w*|comments?|remarks?|labels?|quantity|sign\w*)$", re.IGNORECASE)
-_UNIT_TAIL = re.compile(r"[._]?(units?|einheit(en)?)$", re.IGNORECASE)
+_SAYS_UNIT = re.compile(r"(^|[._])(units?|einheit(en)?)([._]|$)", re.IGNORECASE)  # known or not, it is one
+_UNIT_TAIL = re.compile(r"[._]?(units?|einheit(en)?)$|\.(u|uom)$", re.IGNORECASE)
 _RATE = re.compile(r"(fs|rate|rate_hz|sampl\w*_?(rate|freq\w*)|f_?s(ample)?|frequency)", re.IGNORECASE)
 _STEP = re.compile(r"(dt|ts|t_?s(ample)?|delta_?t|sampl\w*_?(time|period|interval)|period)", re.IGNORECASE)
 _LONGEST = 200  # characters of a remark
 _ADDED = re.compile(r"add_?offset$", re.IGNORECASE)  # cfconventions.org, packed data: scale_factor * x + add_offset
-_VALUE = frozenset(["value", "values", "val", "data", "wert"])  # what one of several beside a unit is called
+_VALUE = frozenset(["value", "values", "val", "v", "data", "wert"])  # what one of several beside a unit is called
 
 
 def unit_and_remark(said: Mapping[str, object]) -> tuple[str, str]:
@@ -157,7 +158,7 @@ def _units(content: Mapping[str, Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     for key, value in content.items():
         text = (text_of(value) or "").partition(" since ")[0]  # cfconventions.org: minutes since 2026-03-04
-        if unit_of(text) is None:
+        if not text or (unit_of(text) is None and not _SAYS_UNIT.search(key)):
             continue
         before, _, last = key.rpartition(".")
         if _UNIT_TAIL.search(key) and (owner := _UNIT_TAIL.sub("", key)):

@@ -781,3 +781,121 @@ def test_an_encoder_begins_anew_where_its_jumps_say(tmp_path: Path, per_turn: in
 def _written(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["rpm_1k", "rpm_thousands", "rpm_per_1000", "rpm_k", "k_rpm", "rpm_in_hundreds", "n_Tsd"],
+)
+def test_a_word_that_says_how_large_a_number_is_is_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """Thousands of rpm are no rpm."""
+    found = _guess(tmp_path / "a.csv", _csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    assert [question.name for question in found.guess.questions] == ["speed_rpm"]
+    assert "scaled" in found.guess.questions[0].text
+
+
+@pytest.mark.parametrize(
+    "name", ["rpm", "rpm_filt", "e1_rpm", "rpm_in_2", "Var1_rpm", "wheel_rpm", "der(theta) [rad/s]"]
+)
+def test_a_name_that_hints_at_nothing_is_not_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """A number or a word that says which column it is says nothing of its size."""
+    found = _guess(tmp_path / "a.csv", _csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"))
+    assert not found.guess.questions
+
+
+def test_a_factor_behind_the_unit_is_asked_about_with_its_answers(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Of `current_A_x100` mA or A was asked, and either answer was wrong."""
+    text = _csv(run, "t_s,rpm,current_A_x100", lambda i, t, w, c: f"{t!r},{w * RPM!r},{100 * c:.0f}")
+    (question,) = _guess(tmp_path / "a.csv", text).guess.questions
+    assert [answer.entry.get("scale") for answer in question.answers] == [None, 0.01, 100.0]
+
+
+@pytest.mark.parametrize("name", ["rpm_delta", "rpm_noise", "rpm_rated", "rpm_ratio", "rpm_limit", "rpm_prev"])
+def test_what_is_told_of_a_speed_is_not_taken_for_it(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """Alone it is asked about, and beside the speed it is none."""
+    alone = _csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert [question.name for question in _guess(tmp_path / "a.csv", alone).guess.questions] == ["speed_rpm"]
+    beside = _csv(run, f"t_s,{name},rpm,I_A", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r},{c!r}")
+    (line,) = [line for line in _guess(tmp_path / "b.csv", beside).guess.lines if line.name == "speed_rpm"]
+    assert line.entry["column"] == "rpm"
+
+
+@pytest.mark.parametrize("header", ["t [s],n [Skt],I [mA]", "t,n,I\n[s],[Skt],[mA]"])
+def test_a_unit_that_no_one_knows_is_not_the_usual_one(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
+    """What is called n is in 1/min where nothing stands beside it."""
+    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM * 7.3!r},{1e3 * c!r}"))
+    assert ["Skt" in question.text for question in found.guess.questions] == [True]
+
+
+def test_a_unit_in_json_that_no_one_knows_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """The same where a file has units beside its columns, and of one whose factor is in front."""
+    for unit, factor, asked in (("Skt", 7.3, 1), ("10 1/min", 0.1, 0)):
+        content = {
+            "t_s": run.time_s.tolist(), "n": (run.speed_rad_s * RPM * factor).tolist(), "I_A": run.current_A.tolist(),
+        }  # fmt: skip
+        path = tmp_path / "a.json"
+        path.write_text(json.dumps({**content, "n": {"unit": unit, "values": content["n"]}}))
+        assert len(rw_ekf.guess_columns(path).guess.questions) == asked
+    assert rw_ekf.read(path).speed_rad_s == pytest.approx(run.speed_rad_s)
+
+
+@pytest.mark.parametrize(
+    ("header", "line"),
+    [
+        ('"Time (s)","Speed (RPM)","I (A)"', '"{t:.2f}","{w:,.0f}","{c:.6f}"'),
+        ("t [Âµs];Vitesse [Â°/s];I [mA]", "{us};{deg!r};{mA!r}"),
+        ("時刻[ms],回転数[rpm],電流[mA]", "{ms},{w!r},{mA!r}"),
+        ("Temps (s);Vitesse (tr/min);Sens;Courant (mA)", "{t!r};{size!r};{way};{mA!r}"),
+    ],
+)
+def test_more_ways_of_writing_are_read(tmp_path: Path, run: rw_ekf.Log, header: str, line: str) -> None:
+    """Marks between thousands that come late, degrees and µ of a wrong encoding, more words."""
+    path = tmp_path / "a.csv"
+
+    def row(i: int, t: float, w: float, c: float) -> str:
+        return line.format(
+            t=t, w=w * RPM, c=c, us=round(1e6 * t), ms=round(1e3 * t), deg=math.degrees(w), mA=1e3 * c,
+            size=abs(w * RPM), way="horaire" if w >= 0.0 else "anti-horaire",
+        )  # fmt: skip
+
+    path.write_text(_csv(run, header, row), encoding="utf-8")
+    log = rw_ekf.read(path)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=0.06)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-6)
+    assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=0.005)
+
+
+def test_short_keys_of_value_and_unit_are_heard(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`{"v": 12.3, "u": "rev/s"}`."""
+    rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    spelt = (
+        {"t_s": t, "spd": {"v": w / (2.0 * math.pi), "u": "rev/s"}, "cur": {"v": 1e3 * c, "u": "mA"}}
+        for t, w, c in rows
+    )
+    path = tmp_path / "a.jsonl"
+    path.write_text("".join(f"{json.dumps(row)}\n" for row in spelt))
+    log = rw_ekf.read(path)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+@pytest.mark.parametrize("name", ["I_heater_A", "led_current_mA", "I_3v3_A", "I_offset_A", "I_sim"])
+def test_a_current_of_something_else_is_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """The only current of a file need not be the motor's."""
+    found = _guess(tmp_path / "a.csv", _csv(run, f"t_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    assert [question.name for question in found.guess.questions] == ["current_A"]
+    both = _csv(run, f"t_s,rpm,{name},I_motor_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{-c!r},{c!r}")
+    (line,) = [line for line in _guess(tmp_path / "b.csv", both).guess.lines if line.name == "current_A"]
+    assert line.entry["column"] == "I_motor_A"
+
+
+def test_current_may_mean_the_present_one(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`current_speed` and `current_time` are no currents."""
+    path = tmp_path / "a.csv"
+    path.write_text(
+        _csv(run, "current_time,current_speed_rpm,amps", lambda i, t, w, c: f"{t + 0.013:.3f},{w * RPM!r},{c!r}")
+    )
+    log = rw_ekf.read(path)
+    assert log.current_A == pytest.approx(run.current_A)
+    assert role_of(said_by("current_speed")) == "speed"
+    assert role_of(said_by("current_sense")) == "current"
