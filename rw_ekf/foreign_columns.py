@@ -63,7 +63,7 @@ class GuessedColumns(Shown):
                 for item in self.guess.questions
             ],
             "doubts": list(self.doubts),
-            "notes": self.guess.notes,
+            "notes": [*self.guess.warnings, *self.guess.notes],
             "warnings": list(self.warnings),
         }
 

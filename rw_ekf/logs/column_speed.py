@@ -17,6 +17,7 @@ from rw_ekf.logs.raw_table import RawTable
 
 _TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at less than that and no more
 _TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
+_ANGLES = ("angle", "angolo", "angulo", "drehwinkel", "mechangle", "phi", "rotorangle", "theta", "winkel")
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
 
@@ -172,6 +173,12 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
         entry["unit"] = unit
     elif turn is not None:
         entry["scale"] = 1.0 if abs(turn - 2.0 * math.pi) < 1e-6 else float(f"{2.0 * math.pi / turn:.12g}")
+        if turn not in _TURN_UNITS and not column.said.any_of(*_ANGLES):
+            # No motion tells it: a wheel of another size moves as this one does.
+            guess.warnings.append(
+                f"{column.shown} begins anew after {turn:.6g}, and that was taken for a turn, which no word "
+                "of the file says: a counter may hold more turns, or less than one: --set speed.counts_per_turn=N"
+            )
     else:
         text = f"{column.shown} is an angle without a unit: rad, deg, turns or counts?"
         answers = (Line("speed_rad_s", entry | {"unit": unit}, "") for unit in ("rad", "deg", "turns"))

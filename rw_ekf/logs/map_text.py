@@ -15,7 +15,7 @@ from rw_ekf.logs.raw_table import RawTable
 def map_text(guess: Guess, log: str) -> str:
     """The map as YAML. A question stands where its line would, each answer as a comment to be made a line."""
     out = [comment(f"Columns of {log}, as its names, units and numbers say.")]
-    out += map(comment, guess.notes)
+    out += map(comment, (*guess.warnings, *guess.notes))
     out += [f"{key}: {as_written(value)}" for key, value in guess.options.items()]
     for line in guess.lines:
         out.append(_entry(line) + (f"    {comment(line.why)}" if line.why else ""))
@@ -81,4 +81,5 @@ def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
     table.warnings.append(
         f"{table.path}: read as {said_in_a_line(guess)}; `rw-ekf columns` writes that down, with reasons"
     )
+    table.warnings += [f"{table.path}: {text}" for text in guess.warnings]
     return map_of_guess(guess, table.path, given)

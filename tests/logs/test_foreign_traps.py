@@ -839,6 +839,23 @@ def test_a_unit_in_json_that_no_one_knows_is_asked_about(tmp_path: Path, run: rw
     assert rw_ekf.read(path).speed_rad_s == pytest.approx(run.speed_rad_s)
 
 
+@pytest.mark.parametrize(("bits", "per_turn"), [(12, 1000), (15, 1440)])
+def test_a_counter_that_begins_anew_is_taken_for_a_turn_with_a_word(tmp_path: Path, bits: int, per_turn: int) -> None:
+    """No motion tells how many counts are a turn; an angle is a turn by its name, and needs no word."""
+    time = np.arange(0.0, 60.0, 0.01)
+    turns = np.cumsum(12.0 * np.sin(0.2 * time)) * 0.01
+    for name, warned in (("encoder", True), ("angle", False)):
+        rows = zip(time.tolist(), (np.floor(turns * per_turn).astype(int) % 2**bits).tolist(), strict=True)
+        path = tmp_path / f"{name}.csv"
+        path.write_text(f"t_s,{name},I_A\n" + "".join(f"{t:.2f},{n},{0.2 * math.cos(0.2 * t)!r}\n" for t, n in rows))
+        said = [text for text in rw_ekf.read(path).warnings if "taken for a turn" in text]
+        assert bool(said) == warned
+    told = rw_ekf.guess_columns(tmp_path / "encoder.csv", speed__counts_per_turn=per_turn)
+    assert not told.guess.warnings
+    log = rw_ekf.read(tmp_path / "encoder.csv", told)
+    assert float(np.nanmax(log.speed_rad_s)) == pytest.approx(12.0 * 2.0 * math.pi, rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("header", "line"),
     [
