@@ -121,7 +121,10 @@ def _suspicions(
 
 def _of_sign(log: WheelLog, read: Reading, top: float) -> str:
     if read.friction(top) < 0.0:
-        return "the machine runs backward in time (negative gain and friction): are the rows reversed? `reverse: true`"
+        return (
+            "the machine runs backward in time (negative gain and friction): are the rows reversed? `reverse: true`, "
+            "or, where a map has that, does the time count down? `scale: -1` of `time_s` in its place"
+        )
     name, source = _drive(log)
     line = source.line(name, scale=-source.scale, offset=-source.offset)
     return (

@@ -16,10 +16,10 @@ from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
 from rw_ekf.logs.column_speed import find_speed
-from rw_ekf.logs.column_time import EPOCHS, Clock, clock_of, rate_in, ticks_a_second
+from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.row_rules import is_even
+from rw_ekf.logs.row_rules import is_even, usual_step
 
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
@@ -74,8 +74,14 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
 
 def _newest_first(columns: list[Column]) -> bool:
     """Whether all times fall from row to row, as in what a web page exports; what counts down the motion tells."""
-    times = [c.values for c in columns if c.role == "time" and np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
+    clocks = [c for c in columns if c.role == "time" and not c.said.has("countdown")]
+    times = [c.values for c in clocks if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
     return bool(times) and all(values[-1] < values[0] and np.mean(np.diff(values) > 0.0) < _UPWARD for values in times)
+
+
+def _counts_down(column: Column) -> bool:
+    """Whether a time is what is left, by its name and its numbers: `time_remaining_s`."""
+    return column.said.has("countdown") and bool(np.all(np.diff(column.values) <= 0.0))
 
 
 def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Guess) -> Clock | None:
@@ -85,8 +91,12 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
 
     def clocks_among(columns: list[Column]) -> list[Clock]:
         found = [
-            clock_of(c.number, c.name, c.said, c.values, unit, not table.is_plain_number(c.number)) for c in columns
-        ]
+            clock_of(
+                c.number, c.name, c.said, (-1.0 if _counts_down(c) else 1.0) * c.values, unit,
+                not table.is_plain_number(c.number),
+            )
+            for c in columns
+        ]  # fmt: skip
         return [clock for clock in found if clock is not None and (clock.is_clock or given is not None)]
 
     if given is not None and given[1] is not None:
@@ -188,8 +198,11 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
         text = f"{column.shown} has no unit, and its steps may be of {' or '.join(clock.asks)}: which?"
         guess.ask("time_s", text, *(Line("time_s", column.entry(unit), unit) for unit in clock.asks))
     else:
-        entry = told.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap))
+        down = {"scale": -1.0} if _counts_down(column) else {}
+        entry = told.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap, **down))
         guess.take("time_s", entry, clock.why, assumed=clock.concluded)
+        if (apart := usual_step(clock.time_s)) > SLOWEST_S:
+            guess.warnings.append(f"{column.shown}: {clock.why}, and its rows are then {apart:.4g} s apart")
     if clock.restarts:
         guess.options["restarts"] = True
     if clock.repeats:

@@ -22,10 +22,11 @@ EPOCHS = (
 _SERIAL_DAYS = (
     (3.0e4, 6.5e4, "Excel has them"), (6.9e5, 7.8e5, "MATLAB has them"), (2.44e6, 2.48e6, "Julian dates are"),
 )  # fmt: skip
-_COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
+_COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31, 2.0**30)  # of 30 bits: MicroPython's ticks_ms()
+_BILLION = 1.0e9
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
 _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
-_SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
+SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
 _SHORTEST_S = 3.0  # that a log lasts whose unit is concluded from its steps
 _SLOW_US = 3.0e5  # between rows, in whole numbers: us would be fewer than 3 rows a second, 100 ns or ns more
 _ROUND = 5.0e-3  # relative
@@ -111,7 +112,7 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
 
 def _usual(step_s: Float64Array) -> bool:
     forth = step_s[step_s > 0.0]
-    return forth.size > 0 and _FASTEST_S / 4.0 <= float(np.median(forth)) <= 30.0 * _SLOWEST_S
+    return forth.size > 0 and _FASTEST_S / 4.0 <= float(np.median(forth)) <= 30.0 * SLOWEST_S
 
 
 def _wrap(values: Float64Array) -> float | None:
@@ -123,7 +124,8 @@ def _wrap(values: Float64Array) -> float | None:
     usual = usual_step(values)
     for turn in _COUNTERS:
         mended = step[falls] + turn
-        if float(values.max()) < turn and np.all((mended > 0.0) & (mended < max(10.0 * usual, 1.0))):
+        billionths = turn == 2.0**30 and float(values.max()) < _BILLION  # begin anew with each second
+        if not billionths and float(values.max()) < turn and np.all((mended > 0.0) & (mended < max(10.0 * usual, 1.0))):
             return turn
     return None
 
@@ -143,6 +145,8 @@ def _unit(
     middle = float(np.median(values))
     for low, high, unit, year in EPOCHS:
         if low <= middle < high and usual < 0.01 * low:
+            if unit == "s" and usual > SLOWEST_S:  # or a counter of ms that has come so far
+                return "", ("s", "ms"), f"its rows are {usual:.4g} apart"
             return unit, (), f"counts from {year} in {unit}"
     for low, high, whose in _SERIAL_DAYS:
         if low <= middle < high and 0.0 < usual < 1.0e-3 and not np.all(values == np.round(values)):
@@ -160,8 +164,8 @@ def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...],
             units = (("min", 60.0), ("h", 3600.0), ("days", 86400.0))
             longer = next((unit for unit, size in units if _is_round(usual * size)), "")
             return ("", ("s", longer), told) if longer and not _is_round(usual) else ("s", (), told)
-        return ("ms", (), told) if usual > _SLOWEST_S else ("", ("s", "ms"), told)
-    if usual < _SLOWEST_S or (usual < _THOUSAND[0] and 1e-3 * span < _SHORTEST_S):
+        return ("ms", (), told) if usual > SLOWEST_S else ("", ("s", "ms"), told)
+    if usual < SLOWEST_S or (usual < _THOUSAND[0] and 1e-3 * span < _SHORTEST_S):
         return "", ("s", "ms"), told
     if usual < _THOUSAND[0]:
         return "ms", (), told

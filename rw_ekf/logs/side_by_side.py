@@ -24,6 +24,7 @@ _LEAST_VALUES = 10  # of a slow channel
 _UNEVEN = 5.0  # times the usual gap between its values, at most
 _DRIVES = ("current", "current_set", "torque", "force", "voltage")
 _SLOW = ("temperature", "pressure", "bus_voltage")
+_WHOLE = 1.0e-6  # [s] from whole seconds, as floats since 1970 have them
 _FALLS = 0.01  # of the rows, at most, where columns together are a time
 _SECONDS = re.compile(r"(.*?)(sec(s|onds?)?|tv_sec|s)", re.IGNORECASE)
 _PARTS = {
@@ -71,8 +72,10 @@ def _with_days(table: RawTable) -> RawTable:
     seconds = held[dates[0]] + held[times[0]] % DAY_S
     if float(np.mean(np.diff(seconds) < 0.0)) >= _FALLS:
         return table
+    import pyarrow as pa
+
     columns = list(table.columns)
-    columns[times[0]] = seconds
+    columns[times[0]] = pa.array(np.round(1e6 * seconds).astype(np.int64), type=pa.timestamp("us"))  # stamps as before
     return replace(table, columns=columns)
 
 
@@ -80,7 +83,7 @@ def _is_part(seconds: Float64Array, part_s: Float64Array) -> bool:
     """Whether one column is whole seconds and the other what is missing to the time, which then never falls."""
     if not (np.isfinite(seconds).all() and np.isfinite(part_s).all() and len(seconds) > 2):
         return False
-    within = bool(np.all((part_s >= 0.0) & (part_s < 1.0)) and np.all(seconds == np.round(seconds)))
+    within = bool(np.all((part_s >= 0.0) & (part_s < 1.0)) and np.all(np.abs(seconds - np.round(seconds)) < _WHOLE))
     return within and float(np.mean(np.diff(seconds + part_s) < 0.0)) < _FALLS
 
 

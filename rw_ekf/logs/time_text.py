@@ -32,7 +32,8 @@ _DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.5
     r"(?P<clock>\d{2}[.:]\d{2}[.:]\d{2})(?P<rest>(?:[.,:]\d+)?(?:Z| ?UTC)?)"
 )
 _OF_AN_HOUR = re.compile(r"(\d{1,2}:\d{2}[.,]\d+)")  # Excel's mm:ss.0
-_HOUR_S = 3600.0
+_HOUR_S, _HALF_S = 3600.0, 43200.0
+_NEARLY = 0.98  # of twelve hours, by which a clock falls that goes on from 12:59 to 1:00
 _POINTED = re.compile(r"(?P<h>[01]?\d|2[0-3])\.(?P<m>[0-5]\d)\.(?P<s>[0-5]\d)(?P<f>[.,:]\d+)?")  # 10.58.12,250
 _DAYS = re.compile(r"(?P<days>\d{1,6}) days?,? +(?=\d)")  # 0 days 00:00:12.250000, as pandas writes a Timedelta
 _YEARS = 2  # at most in a log: what has more last parts than that is hours, minutes and seconds, and no date
@@ -78,7 +79,7 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
         if match["h"]:
             seconds += _of_day(match)
         found[row] = seconds - _zone_s(match["zone"])
-    return found if dated else past_midnight(found)
+    return found if dated else past_midnight(_past_noon(found))
 
 
 def _with_colons(cells: Sequence[str | None]) -> Sequence[str | None]:
@@ -93,6 +94,16 @@ def _with_colons(cells: Sequence[str | None]) -> Sequence[str | None]:
 def past_midnight(seconds: Float64Array) -> Float64Array:
     """Add a day wherever times of day (n,) begin anew."""
     return past_full(seconds, DAY_S)
+
+
+def _past_noon(seconds: Float64Array) -> Float64Array:
+    """The same of a clock of twelve hours that says no half of the day: after 12:59:59 it begins anew at 1:00."""
+    fall = np.diff(seconds[np.isfinite(seconds)])
+    fall = fall[fall < -0.5 * _HALF_S]
+    of_twelve = bool(np.all((seconds >= _HOUR_S) & (seconds < _HALF_S + _HOUR_S) | np.isnan(seconds)))
+    return (
+        past_full(seconds, _HALF_S) if of_twelve and fall.size and bool(np.all(fall < -_NEARLY * _HALF_S)) else seconds
+    )
 
 
 def past_full(seconds: Float64Array, full_s: float) -> Float64Array:

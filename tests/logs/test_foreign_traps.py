@@ -856,6 +856,47 @@ def test_a_counter_that_begins_anew_is_taken_for_a_turn_with_a_word(tmp_path: Pa
     assert float(np.nanmax(log.speed_rad_s)) == pytest.approx(12.0 * 2.0 * math.pi, rel=0.02)
 
 
+def test_a_part_of_a_second_stands_beside_dated_times(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A date, a time and ms in three columns: the ms were left out where the dates are of two days."""
+
+    def line(row: int, t: float, w: float, c: float) -> str:
+        ms = round(1000.0 * t) + 7 * (row % 3)  # as no clock that is spread evenly has it
+        day, second = divmod(86370 + ms // 1000, 86400)
+        clock = f"{second // 3600:02d}:{second // 60 % 60:02d}:{second % 60:02d}"
+        return f"{3 + day:02d}.05.2024;{clock};{ms % 1000};{w * RPM!r};{c!r}"
+
+    path = tmp_path / "a.csv"
+    path.write_text(_csv(run, "Date;Time;Millisec;Speed_rpm;Current_A", line))
+    due = np.round(run.time_s, 3) + 0.007 * (np.arange(len(run.time_s)) % 3)
+    time = rw_ekf.read(path).time_s
+    assert time - time[0] == pytest.approx(due, abs=1e-5)
+
+
+def test_a_time_that_counts_down_is_not_the_newest_row_first(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Rows that stand in order are not reversed because their column says what is left."""
+    path = tmp_path / "a.csv"
+    path.write_text(_csv(run, "time_remaining_s,rpm,I_A", lambda i, t, w, c: f"{60.0 - t:.3f},{w * RPM!r},{c!r}"))
+    log = rw_ekf.read(path)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=1e-3)
+
+
+def test_a_clock_of_twelve_hours_goes_on_at_one() -> None:
+    """12:59:59 and 01:00:00 are a second apart; a run at two o'clock after one at eleven is another run."""
+    assert seconds_of(["12:59:59.5", "01:00:00.0"]) == pytest.approx([46799.5, 46800.0])
+    assert seconds_of(["11:00:00", "02:00:00"]) == pytest.approx([39600.0, 7200.0])
+
+
+@pytest.mark.parametrize("bits", [30, 32])
+def test_ticks_in_a_unit_of_time_are_a_clock(tmp_path: Path, run: rw_ekf.Log, bits: int) -> None:
+    """MicroPython's `ticks_us()` begins anew after 2^30."""
+    path = tmp_path / "a.csv"
+    head = "ticks_us,rpm,I_A"
+    path.write_text(_csv(run, head, lambda i, t, w, c: f"{(round(1e6 * t) - 20_000_000) % 2**bits},{w * RPM!r},{c!r}"))
+    log = rw_ekf.read(path)
+    assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=2e-6)
+
+
 @pytest.mark.parametrize(
     ("header", "line"),
     [
@@ -916,3 +957,12 @@ def test_current_may_mean_the_present_one(tmp_path: Path, run: rw_ekf.Log) -> No
     assert log.current_A == pytest.approx(run.current_A)
     assert role_of(said_by("current_speed")) == "speed"
     assert role_of(said_by("current_sense")) == "current"
+
+
+def test_a_count_of_ms_may_be_as_large_as_seconds_since_1970(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Rows 100 s apart: a counter of ms that has run for some days."""
+    text = _csv(run, "stamp,rpm,I_A", lambda i, t, w, c: f"{1_070_000_000 + round(1e3 * t)},{w * RPM!r},{c!r}")
+    (question,) = _guess(tmp_path / "a.csv", text).guess.questions
+    assert [answer.entry["unit"] for answer in question.answers] == ["s", "ms"]
+    said = _csv(run, "time_ms,rpm,I_A", lambda i, t, w, c: f"{round(1e6 * t)},{w * RPM!r},{c!r}")
+    assert "100 s apart" in _guess(tmp_path / "b.csv", said).guess.warnings[0]
