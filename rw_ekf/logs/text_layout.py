@@ -22,6 +22,8 @@ _OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "koi8-r", "cp866", "big5", "eu
 _LOOKED_AT = 400  # lines
 NEARLY_ALL = 0.9  # of the rows begin with a value where each does
 _AGREE = 3  # lines of one width in a row begin the data
+_DECIMAL = re.compile(r"[+-]?\d*\.\d+")
+_COMMON = re.compile(r"\d(?:\.\d+)?e[+-]?\d+ ?\*", re.IGNORECASE)
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 
@@ -116,6 +118,7 @@ def layout_of(
         layout, thousands=_has_thousands(data, layout), doubts=_points_of_thousands(lines[begins:], layout)
     )
     layout = with_names(lines[:begins], data, layout, skip_rows)
+    layout = replace(layout, doubts=(*layout.doubts, *_common_factor(layout.preamble)))
     return _with_units(data, layout) if united else layout
 
 
@@ -183,7 +186,16 @@ def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
     """Whether the numbers have a mark between thousands."""
     mark, grouped = layout.grouping
     cells = (cell for line in rows for cell in layout.cells(line) if mark in cell)
-    return any(grouped.fullmatch((layout.with_unit(cell) or (cell,))[0]) for cell in cells)
+    if any(grouped.fullmatch((layout.with_unit(cell) or (cell,))[0]) for cell in cells):
+        return True
+    # Where decimals have a point, a comma that comes late in a file stands between thousands.
+    return mark == "," and any(_DECIMAL.fullmatch(cell) for line in rows for cell in layout.cells(line))
+
+
+def _common_factor(preamble: tuple[str, ...]) -> tuple[str, ...]:
+    """A sentence where all numbers have one factor above them, as MATLAB prints a matrix: `1.0e+03 *`."""
+    found = (text.strip() for text in preamble if _COMMON.fullmatch(text.strip()))
+    return tuple(f"Above the numbers stands {text!r}: are they still to be multiplied by it?" for text in found)
 
 
 def _points_of_thousands(rows: list[str], layout: TextLayout) -> tuple[str, ...]:

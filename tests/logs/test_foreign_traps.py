@@ -897,6 +897,14 @@ def test_ticks_in_a_unit_of_time_are_a_clock(tmp_path: Path, run: rw_ekf.Log, bi
     assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=2e-6)
 
 
+def test_a_common_factor_above_a_matrix_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """MATLAB prints `1.0e+03 *` above all numbers: also where every column was answered."""
+    text = _csv(run, "ans =\n\n   1.0e+03 *\n", lambda i, t, w, c: f"{t / 1e3:.6f} {w * RPM / 1e3:.6f} {c / 1e3:.8f}")
+    (tmp_path / "a.txt").write_text(text)
+    found = rw_ekf.guess_columns(tmp_path / "a.txt", time="0:s", speed="1:rpm", current="2:A")
+    assert "multiplied" in found.guess.questions[0].text
+
+
 @pytest.mark.parametrize(
     ("header", "line"),
     [
@@ -966,3 +974,19 @@ def test_a_count_of_ms_may_be_as_large_as_seconds_since_1970(tmp_path: Path, run
     assert [answer.entry["unit"] for answer in question.answers] == ["s", "ms"]
     said = _csv(run, "time_ms,rpm,I_A", lambda i, t, w, c: f"{round(1e6 * t)},{w * RPM!r},{c!r}")
     assert "100 s apart" in _guess(tmp_path / "b.csv", said).guess.warnings[0]
+
+
+def test_a_minus_of_typography_is_one(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """As word processors and plots write it."""
+    text = _csv(run, "t_s;rpm;I_A", lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}".replace("-", "\u2212"))
+    (tmp_path / "a.csv").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+def test_commas_between_thousands_come_late_in_whole_numbers(tmp_path: Path) -> None:
+    """The first of them stands behind what is looked at; that decimals have a point is seen there."""
+    rows = "".join(f'"{0.05 * k:.2f}","{2 * k:,}","{0.1 + 0.001 * (k % 9):.3f}"\n' for k in range(900))
+    (tmp_path / "a.csv").write_text('"Time (s)","Speed (RPM)","Current (A)"\n' + rows)
+    assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s * RPM == pytest.approx(2.0 * np.arange(900))
