@@ -51,6 +51,8 @@ _FACTOR = re.compile(
     re.IGNORECASE,
 )
 _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
+_OF_A_SECOND = re.compile(r"(?<=[_ .])(?:[cdk]|centi|deci|kilo)s(?:ec\w*)?$", re.IGNORECASE)  # t_ds
+_TAKEN_OUT = re.compile(r"correct|compens|remov|korrig|subtract", re.IGNORECASE)  # current (offset corrected)
 _SPEEDS = ("speed_rad_s", "speed_rpm")
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
 _LIKE_A_UNIT = re.compile(
@@ -124,7 +126,8 @@ def _doubts(
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     if (size := size_of_count(column.unit)) is not None and not are_counts(column.values, size[0]):
         yield f"{column.shown}: its numbers are no counts of {column.unit!r}: what are they in?", (line,)
-    if aside := sorted(said_by(column.bare_name or column.name).words & WORDS["aside"]):
+    aside = sorted(said_by(column.bare_name or column.name).words & WORDS["aside"])
+    if aside and not _TAKEN_OUT.search(column.name):
         yield f"{column.shown}: '{aside[0]}' may say that it is something else: is it the reading itself?", (line,)
     if (beside := _unknown_unit(column, table)) and not told.unit(*(_SPEEDS if line.name in _SPEEDS else (line.name,))):
         yield f"{column.shown}: what does the unit beside it, {beside!r}, mean?", (line,)
@@ -184,7 +187,9 @@ def _odd_stamp(column: Column, table: RawTable) -> str:
     """What a clock's name or cells leave open: brackets that are no unit, two numbers at a colon."""
     if not table.is_plain_number(column.number):
         return "hours and minutes, or minutes and seconds?" if not np.any(column.values % 60.0) else ""
-    return f"what does {text!r} mean?" if (text := _unread(column)) else ""
+    tail = _OF_A_SECOND.search(column.name)
+    text = _unread(column) or (tail[0] if tail else "")
+    return f"what does {text!r} mean?" if text else ""
 
 
 def _unread(column: Column) -> str:

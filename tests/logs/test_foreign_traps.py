@@ -795,7 +795,7 @@ def test_a_word_that_says_how_large_a_number_is_is_asked_about(tmp_path: Path, r
 
 
 @pytest.mark.parametrize(
-    "name", ["rpm", "rpm_filt", "e1_rpm", "rpm_in_2", "Var1_rpm", "wheel_rpm", "der(theta) [rad/s]"]
+    "name", ["rpm", "rpm_filt", "e1_rpm", "rpm_in_2", "Var1_rpm", "rpm (offset corrected)", "der(theta) [rad/s]"]
 )
 def test_a_name_that_hints_at_nothing_is_not_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """A number or a word that says which column it is says nothing of its size."""
@@ -990,3 +990,10 @@ def test_commas_between_thousands_come_late_in_whole_numbers(tmp_path: Path) -> 
     rows = "".join(f'"{0.05 * k:.2f}","{2 * k:,}","{0.1 + 0.001 * (k % 9):.3f}"\n' for k in range(900))
     (tmp_path / "a.csv").write_text('"Time (s)","Speed (RPM)","Current (A)"\n' + rows)
     assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s * RPM == pytest.approx(2.0 * np.arange(900))
+
+
+@pytest.mark.parametrize(("name", "scale"), [("t_ds", 10.0), ("t_cs", 100.0), ("time_ksec", 1e-3)])
+def test_tenths_of_a_second_are_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str, scale: float) -> None:
+    """By its steps alone such a time would be in s."""
+    text = _csv(run, f"{name},rpm,I_A", lambda i, t, w, c: f"{t * scale:.6f},{w * RPM!r},{c!r}")
+    assert [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions] == ["time_s"]
