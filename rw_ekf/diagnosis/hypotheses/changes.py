@@ -60,7 +60,7 @@ def likeliest_spell(profiled: Profiled, ground: Ground, facts: RecordFacts) -> N
     count = min(_PLACES, places_at_once(ground.at.size))
     grid = np.linspace(facts.first_s, facts.last_s, count + 2)[1:-1]
     first, last = np.triu_indices(count, 1)
-    _, rough = _gains_of_spells(profiled, ground, grid, grid[first], grid[last])
+    rough = _gains_of_spells(profiled, ground, grid[first], grid[last])
     near = float(grid[1] - grid[0]) * np.linspace(-1.0, 1.0, _NEARER)
     j = int(np.argmax(rough))
     begins, ends = (part.ravel() for part in np.meshgrid(grid[first[j]] + near, grid[last[j]] + near))
@@ -68,39 +68,35 @@ def likeliest_spell(profiled: Profiled, ground: Ground, facts: RecordFacts) -> N
     begins, ends = begins[there], ends[there]
     if not begins.size:  # of a record of seconds
         return None
-    sums, gains = _gains_of_spells(profiled, ground, np.unique(np.concatenate((begins, ends))), begins, ends)
-    if gains.max() <= 0.0:
-        return None
+    gains = _gains_of_spells(profiled, ground, begins, ends)
     best = int(np.argmax(gains))
-    factor, deviation = evidence_of_drawn(
-        profiled, [(squares[best : best + 1, None], products[best : best + 1]) for squares, products in sums]
-    )
+    if gains[best] <= 0.0:
+        return None
+    column = _steps(ground, begins[best : best + 1]) - _steps(ground, ends[best : best + 1])
+    of_each = [profiled.sums(i, column) for i in range(len(profiled.ratios))]
+    factor, deviation = evidence_of_drawn(profiled, [(sums.gram, sums.products) for sums in of_each])
     # All that was asked has been somewhere between any two places of the grid; near the best it was asked more finely.
     factor += float(np.logaddexp.reduce(rough - rough[j])) - math.log(rough.size)
     law = ground.law(float(begins[best]), float(ends[best]), np.array([VALUES]), np.array([deviation]))
     return Nameless(ground, factor, Term(SPELL, (0.0,), (0.0,), law=law))
 
 
-def _gains_of_spells(
-    profiled: Profiled, ground: Ground, at: Float64Array, begins: Float64Array, ends: Float64Array
-) -> tuple[list[tuple[Float64Array, Float64Array]], Float64Array]:
-    """Squares and products of spells (m,) at each ratio, beside the model's own; their gains at its own noises.
-
-    at: all times at which one begins or ends, in order.
-    """
-    columns = ground.slope[:, None] * np.column_stack([_step(ground.at, time, _ABRUPT_S) for time in at])
+def _gains_of_spells(profiled: Profiled, ground: Ground, begins: Float64Array, ends: Float64Array) -> Float64Array:
+    """What spells (m,) gain beside the model's own, at its own noises."""
+    at = np.unique(np.concatenate((begins, ends)))
     first, last = np.searchsorted(at, begins), np.searchsorted(at, ends)
-    found = []
-    for i in range(len(profiled.ratios)):
-        sums = profiled.sums(i, columns)
-        own = np.diagonal(sums.gram)
-        squares = own[first] + own[last] - 2.0 * sums.gram[first, last]
-        seen = squares > _SEEN * np.maximum(sums.whole[first], sums.whole[last])
-        products = np.where(seen, sums.products[first] - sums.products[last], 0.0)
-        found.append((np.where(seen, squares, 1.0), products))
-    squares, products = found[profiled.own]
-    gains = 0.5 * profiled.count / max(profiled.rss[profiled.own], 1.0e-300) * products**2 / squares
-    return found, gains
+    sums = profiled.sums(profiled.own, _steps(ground, at))
+    own = np.diagonal(sums.gram)
+    squares = own[first] + own[last] - 2.0 * sums.gram[first, last]
+    seen = squares > _SEEN * np.maximum(sums.whole[first], sums.whole[last])
+    products = np.where(seen, sums.products[first] - sums.products[last], 0.0)
+    scale = 0.5 * profiled.count / max(profiled.rss[profiled.own], 1.0e-300)
+    return np.asarray(scale * products**2 / np.where(seen, squares, 1.0))
+
+
+def _steps(ground: Ground, at: Float64Array) -> Float64Array:
+    """Regressors (n, m) of changes for good."""
+    return ground.slope[:, None] * np.column_stack([_step(ground.at, time, _ABRUPT_S) for time in at])
 
 
 def _sums(
