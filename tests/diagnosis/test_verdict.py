@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -13,6 +16,7 @@ from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.verdict import conclude
 from rw_ekf.diagnosis.verdict.posterior import unlikely
+from rw_ekf.diagnosis.verdict.sentences import or_another_kind
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from tests.diagnosis.simulated import log_of, simulated
 
@@ -82,3 +86,19 @@ def test_no_sentence_stands_against_a_test_of_its_own_document() -> None:
         assert (verdict.kind == "adequate") == (not words)
         assert words in verdict.statement
     assert failed_tests(residual_tests(1.2 * white, rounded=True)) == {}
+
+
+def test_what_a_change_may_be_as_well_is_told_with_its_chance() -> None:
+    """Where the motion is the same meanwhile rows of another kind are as likely; those far behind are left out."""
+
+    def row(acts_as: str, weight: float) -> Any:
+        law = SimpleNamespace(acts_as=acts_as, quantity="time", column="")
+        fit = SimpleNamespace(model=SimpleNamespace(of=lambda name: [SimpleNamespace(law=law)]))
+        return SimpleNamespace(fit=fit, weight=weight, effects=("spell",))
+
+    rows = [row("drag", 10.0), row("torque", 10.0), row("viscous_drag", 5.0)]
+    found: Any = SimpleNamespace(fit=rows[0].fit, ledger=SimpleNamespace(row=lambda fit: rows[0], rows=rows))
+    assert or_another_kind(found, "spell") == " (it may also be the torque (50 %) instead)"
+    rows[1].weight = 4.0
+    assert or_another_kind(found, "spell") == ""
+    assert or_another_kind(found, "offset_torque") == ""

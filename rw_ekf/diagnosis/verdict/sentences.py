@@ -15,12 +15,13 @@ from rw_ekf.diagnosis.hypotheses.other_starts import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, LEAST_SIGMAS
 from rw_ekf.diagnosis.verdict.reading import readings
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.learned_law import QUANTITY_WORDS
 from rw_ekf.likelihood.fitting import Fit, FittedTerm
 from rw_ekf.model.effect import RecordFacts
-from rw_ekf.model.effect_kinds import WanderingEffect
+from rw_ekf.model.effect_kinds import LawEffect, WanderingEffect
 from rw_ekf.numbers import chance_text, number_text
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
@@ -93,6 +94,34 @@ def or_another_law(found: Found, name: str) -> str:
     own = CATALOGUE[name].described(1.0, 1.0, found.reported.terms_of(name)[0].term.shape)[LAW]["value"]
     others = [f"{law} ({chance_text(chance)})" for law, chance in laws.items() if law != own]
     return f" (its law may also be {', '.join(others)})" if others else ""
+
+
+def or_another_kind(found: Found, name: str) -> str:
+    """What a law or a change may act on instead, in brackets, where other rows of the ledger are nearly as likely.
+
+    Where the motion is the same all the while, what changed looks the same whatever it was.
+    """
+    terms = found.fit.model.of(name)
+    if not issubclass(CATALOGUE[name], LawEffect) or len(terms) != 1:
+        return ""
+    own = found.ledger.row(found.fit)
+    weights = {_kind(own.fit, name): own.weight}
+    for row in found.ledger.rows:
+        if sorted(row.effects) == sorted(own.effects) and row.weight > own.weight - INDISTINGUISHABLE:
+            weights.setdefault(_kind(row.fit, name), row.weight)
+    top = max(weights.values())
+    total = math.fsum(math.exp(weight - top) for weight in weights.values())
+    chances = {kind: math.exp(weight - top) / total for kind, weight in weights.items()}
+    others = [f"{kind} ({chance_text(p)})" for kind, p in list(chances.items())[1:] if p > 1.0 - _SURE]
+    return f" (it may also be {' or '.join(others)} instead)" if others else ""
+
+
+def _kind(fit: Fit, name: str) -> str:
+    """How a law acts, and what it follows where that is no time."""
+    law = fit.model.of(name)[0].law
+    assert law is not None
+    acts = f"the {law.acts_as.replace('_', ' ')}"
+    return acts if law.quantity == "time" else f"{acts} by {QUANTITY_WORDS.get(law.quantity, law.column)}"
 
 
 def or_another_order(found: Found, name: str) -> str:

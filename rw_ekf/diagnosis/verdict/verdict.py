@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.verdict.sentences import (
     improvement,
     measured_by_little,
     noise_text,
+    or_another_kind,
     or_another_law,
     or_another_order,
     sentence_of,
@@ -114,7 +115,10 @@ def _effect(shown: Evidence) -> Verdict:
     found, facts = shown.found, shown.found.prepared.facts
     names = list(found.new_ids)
     sentences = [
-        sentence_of(found.reported, name, facts) + or_another_order(found, name) + or_another_law(found, name)
+        sentence_of(found.reported, name, facts)
+        + or_another_order(found, name)
+        + or_another_law(found, name)
+        + or_another_kind(found, name)
         for name in names
     ]
     if shown.lattice is not None:
