@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.source import gross_errors
-from tests.diagnosis.simulated import simulated
+from tests.diagnosis.simulated import log_of, simulated
 
 
 @pytest.mark.parametrize("profile", ["identification", "P1", "P2", "S1", "S2", "S3", "S4"])
@@ -50,3 +53,14 @@ def test_gaps_and_a_few_readings_are_no_errors() -> None:
     speed[3] = 90.0
     assert np.flatnonzero(gross_errors(speed, np.zeros(40, dtype=np.int64))).tolist() == [3]
     assert not gross_errors(speed[:5], np.zeros(5, dtype=np.int64)).any()
+
+
+def test_readings_that_no_noise_explains_are_counted_to_the_user() -> None:
+    """Six, fourteen sigma off and no gross errors: left out of all fits, and said, with the first one's time."""
+    run = simulated(seed=3, samples=2400)
+    log = log_of(run)
+    speed = log.speed_rad_s.copy()
+    speed[[1000, 1001, 1002, 1500, 1501, 2300]] += 1.5
+    document = diagnose_log(replace(log, speed_rad_s=speed)).document()
+    assert any(text.startswith("6 of 2400 readings are further than 6") for text in document["warnings"])
+    assert not any("are further than" in text for text in diagnose_log(log).document()["warnings"])

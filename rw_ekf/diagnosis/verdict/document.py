@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import Any
 
+import numpy as np
+
 from rw_ekf.course.beyond import BeyondLaws
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.checks.event_agreement import percent_gained
@@ -17,6 +19,7 @@ from rw_ekf.diagnosis.hypotheses.selection import Trial
 from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.widths import with_open_noise, with_open_stribeck_speed
+from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.diagnosis.thresholds import SIGNIFICANT_P
 from rw_ekf.diagnosis.verdict.explanations import explanation_entries, surviving
@@ -26,6 +29,7 @@ from rw_ekf.diagnosis.verdict.shapes import shapes_of
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.documents import inertia_document
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, WANDERING
+from rw_ekf.identify.least_squares import OUTLIER_STDS
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 from rw_ekf.model.effect import size_of
@@ -91,10 +95,23 @@ def _warnings(judged: Judged) -> list[str]:
         *beyond.sentences(),
         *prepared.setup.notes,
         *prepared.notes,
+        *_left_out(prepared),
         *([] if (text := judged.uneven) is None else [f"{text[:1].upper()}{text[1:]}"]),
         *_of_no_use(found.lattice if judged.lattice is None else None, in_rpm=prepared.in_rpm),
         *prepared.record.work.sentences(),
         *([] if judged.refusal is None else [f"no model was written, because none could read it: {judged.refusal}"]),
+    ]
+
+
+def _left_out(prepared: Prepared) -> list[str]:
+    """A sentence where readings that no noise explains were left out of the base fit, and so of all others."""
+    places = np.flatnonzero(prepared.base.omit)
+    if not places.size:
+        return []
+    first_s = float(prepared.split.time_s[places[0]])
+    return [
+        f"{places.size} of {prepared.base.omit.size} readings are further than {OUTLIER_STDS:g} standard deviations "
+        f"from what the model foretells and were left out, the first at {first_s:.10g} s: nothing said here is of them"
     ]
 
 
