@@ -144,14 +144,20 @@ MOST_DISPUTED = _number(
 WORSE = _number("WORSE", 0.03, "share", "a held-out figure that grows by it refuses an effect", "chosen")
 WORSE_NIS = _number("WORSE_NIS", 1.15, "factor", "and a NIS that is so much further from 1", "chosen")
 WORST = _number("WORST", 0.07, "share", "the same where the free run gains", "chosen")
-WORST_NIS = _number("WORST_NIS", 1.35, "factor", "the same where the free run gains", "chosen")
+WORST_NIS = _number(
+    "WORST_NIS",
+    1.35,
+    "factor",
+    "the same where the free run gains; any figure by turns, of numbers no half knows",
+    "chosen",
+)
 REAL_GAIN = _number("REAL_GAIN", 0.05, "share", "the free run gains", "chosen")
 GREAT_GAIN = _number(
     "GREAT_GAIN", 0.5, "share", "the free run gains so much that only errors far ahead count",
     "a model that leaves no torque noise predicts one step as its free run",
 )  # fmt: skip
 BLIND = _number(
-    "BLIND", 0.025, "share", "a part whose predictions are worse by it for want of knowledge gives way to the other",
+    "BLIND", 0.025, "share", "a part whose predictions are worse by it for want of knowledge has no say",
     "24 healthy wheels: .016 on average, four times by chance",
 )  # fmt: skip
 UNDOUBTED_P = _number(

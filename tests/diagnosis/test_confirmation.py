@@ -53,7 +53,8 @@ def test_by_turns_errors_far_ahead_decide_wherever_the_free_run_is_nearer(monkey
     """90 s of a torque with a clock: free run 2.33 -> 1.27 rpm, one step 1.11 -> 1.24: no torque noise hides it."""
     assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.2, one_step_rms_rpm=1.12) is None
     assert refusal(monkeypatch, by_turns=False, free_run_rms_rpm=1.2, one_step_rms_rpm=1.12) is not None
-    assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.95, one_step_rms_rpm=1.12) is not None
+    assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.95, one_step_rms_rpm=1.12) is None
+    assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.95, one_step_rms_rpm=1.4) is not None
 
 
 def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> None:

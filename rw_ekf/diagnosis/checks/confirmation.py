@@ -39,18 +39,30 @@ _FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None:
     """Which held-out figure an effect makes clearly worse, in words.
 
-    What the record leaves no doubt of (p_value: on all of it) is refused only where that is so by turns, too: half of
-    a record that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
-    hides nothing are worse for it. A law without a formula has nothing to show for itself but what it predicts.
+    What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
+    out: half of a record that hardly shows the motor gain, say, may have it several sigma off, and figures in which
+    torque noise hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would
+    grow by that alone has no say; where neither has one, stretches are held out by turns. A law without a formula has
+    nothing to show for itself but what it predicts.
     """
     less = more.without(name)
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
-        worse = _worse(prepared, less, more, by_turns=True)
+        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
+        findings = [_worse(way, less, more) for way in ways]
+        if not ways:
+            worse = _worse(prepared, less, more, by_turns=True)
+        elif None in findings:
+            worse = None
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse
+
+
+def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
+    """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
+    return all(for_want_of_knowledge(way, fit) < BLIND for fit in (less, more))
 
 
 def better_known(prepared: Prepared, fit: Fit) -> Prepared:
@@ -66,13 +78,14 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
     return expected_excess(fit, by_fit_part(way, fit), way.split.fit)
 
 
-def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) -> str | None:
+def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False, known: bool = True) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words.
 
     Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
     errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
     number of the other part is off by, which torque noise would hide, shows there. By turns it does wherever the free
-    run is nearer, for numbers are judged so that half of the record hardly knows.
+    run is nearer, for numbers are judged so that no half of the record knows: all the rest may not either, so that a
+    figure has to grow by as much as NIS may be off.
     """
     judge = performance_by_turns if by_turns else performance
     before, after = (judge(prepared, fit).figures for fit in (less, more))
@@ -80,6 +93,8 @@ def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) 
     gain = 1.0 - new / old if old and new else 0.0
     if gain > (REAL_GAIN if by_turns else GREAT_GAIN):
         before = {key: before[key] for key in _FAR_AHEAD}
+    if by_turns:
+        return worsened(before, after, WORST_NIS - 1.0, WORST_NIS)
     return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
 
 
