@@ -145,11 +145,7 @@ WORSE = _number("WORSE", 0.03, "share", "a held-out figure that grows by it refu
 WORSE_NIS = _number("WORSE_NIS", 1.15, "factor", "and a NIS that is so much further from 1", "chosen")
 WORST = _number("WORST", 0.07, "share", "the same where the free run gains", "chosen")
 WORST_NIS = _number(
-    "WORST_NIS",
-    1.35,
-    "factor",
-    "the same where the free run gains; any figure by turns, of numbers no half knows",
-    "chosen",
+    "WORST_NIS", 1.35, "factor", "the same where the free run gains; by turns, any figure that grows by it", "chosen"
 )
 REAL_GAIN = _number("REAL_GAIN", 0.05, "share", "the free run gains", "chosen")
 GREAT_GAIN = _number(

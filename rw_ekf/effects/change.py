@@ -48,8 +48,15 @@ class Change(LearnedLaw):
     def sentence_of(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:
         """From 280 +- 2 s on the motor gain is 5.0 +- 0.1 % lower."""
         assert term.law is not None
-        law, (size, std) = term.law, cls.amplitude(term.values, covariance)
+        law = term.law
         when = plus_minus(law.first, law.spread[0]) if law.spread else f"{law.first:.4g}"
         slowly = "" if law.last - law.first < _ABRUPT_S else f", within {law.last - law.first:.3g} s,"
+        return f"From {when} s on{slowly} {cls.changes(term, covariance, facts)}"
+
+    @classmethod
+    def changes(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:
+        """What changes, and by how much."""
+        assert term.law is not None
+        law, (size, std) = term.law, cls.amplitude(term.values, covariance)
         what = f"{WORDS[law.acts_as][:1].lower()}{WORDS[law.acts_as][1:]}"
-        return f"From {when} s on{slowly} {what} changes by {size_text(law, size, std, facts)}"
+        return f"{what} changes by {size_text(law, size, std, facts)}"

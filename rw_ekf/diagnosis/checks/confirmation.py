@@ -78,7 +78,7 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
     return expected_excess(fit, by_fit_part(way, fit), way.split.fit)
 
 
-def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False, known: bool = True) -> str | None:
+def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words.
 
     Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only

@@ -6,8 +6,7 @@ The figures are those of docs/contract.md#diagnosis.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -95,13 +94,12 @@ def _by_turns(prepared: Prepared, fit: Fit) -> Performance:
         found.append((left_out, performance(parts, fit)))
     figures = {key: _pooled(key, [(int(part.sum()), one.figures[key]) for part, one in found]) for key in usual.figures}
     parts_of = [part for part, _ in found]
-
-    def together(of: Callable[[Performance], Float64Array]) -> Float64Array:
-        return np.select(parts_of, [of(one) for _, one in found], of(usual))
-
-    names = [one.name for one in fields(ModelTrace)]
-    trace = ModelTrace(*(together(lambda one, name=name: vars(one.trace)[name]) for name in names))  # type: ignore[misc]
-    return Performance(figures, trace, together(lambda one: one.predicted_std_rad_s))
+    traces = {
+        name: np.select(parts_of, [vars(one.trace)[name] for _, one in found], whole)
+        for name, whole in vars(usual.trace).items()
+    }
+    stds = np.select(parts_of, [one.predicted_std_rad_s for _, one in found], usual.predicted_std_rad_s)
+    return Performance(figures, ModelTrace(**traces), stds)
 
 
 def _pooled(key: str, parts: list[tuple[int, float | None]]) -> float | None:
