@@ -10,6 +10,7 @@ from rw_ekf.model.law import Law
 from rw_ekf.wheel.effect_table import EffectSet
 
 _BEYOND = 0.02  # of a log, beyond a law's range, that is told
+_MARGIN = 0.02  # of its range, by which the same course goes beyond when it is run again: held, it is off by little
 
 
 class BeyondLaws:
@@ -26,24 +27,30 @@ class BeyondLaws:
         for place, law in enumerate(self._laws):
             self._beyond[place] += int(np.count_nonzero(beyond(law, course)[begin:]))
 
+    @property
+    def laws(self) -> dict[Law, str]:
+        """Those that a good part of the log is beyond, each with the words for it."""
+        shares = [count / max(self._rows, 1) for count in self._beyond]
+        return {
+            law: f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
+            f"{100.0 * share:.0f} % of this log"
+            for law, share in zip(self._laws, shares, strict=True)
+            if share > _BEYOND
+        }
+
     def sentences(self) -> list[str]:
         """A sentence for each law that a good part of the log is beyond."""
-        said = []
-        for law, count in zip(self._laws, self._beyond, strict=True):
-            share = count / max(self._rows, 1)
-            if share > _BEYOND:
-                said.append(
-                    f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
-                    f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be "
-                    "off; `rw-ekf diagnose LOG` finds it anew"
-                )
-        return said
+        rest = "the law is held at its edge there, and the estimates may be off; `rw-ekf diagnose LOG` finds it anew"
+        return [f"{words}: {rest}" for words in self.laws.values()]
 
 
 def beyond(law: Law, course: Course) -> BoolArray:
     """Of each sample whether the law stays there as it is at its edge, (n,); never, where that is on purpose."""
     values = _values_of(law, course)
-    return np.zeros(course.samples, dtype=bool) if values is None else (values < law.first) | (values > law.last)
+    if values is None:
+        return np.zeros(course.samples, dtype=bool)
+    room = _MARGIN * (law.last - law.first)
+    return (values < law.first - room) | (values > law.last + room)
 
 
 def _values_of(law: Law, course: Course) -> Float64Array | None:

@@ -11,6 +11,7 @@ from rw_ekf.diagnosis.checks.confirmation import better_known
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
+from rw_ekf.diagnosis.hypotheses.left_behind import laws_left_behind
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
@@ -76,7 +77,11 @@ def _diagnosed(
     if source.unfit is not None:
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")
-    prepared = richer_part(prepare(source, configuration, model, split))
+    prepared = prepare(source, configuration, model, split)
+    if model is not None and (left := laws_left_behind(prepared, model.effects)):
+        source = replace(source, notes=(*source.notes, *left.values()))
+        prepared = prepare(source, configuration, model.without(left), split)
+    prepared = richer_part(prepared)
     prepared.record.work.start_clock()
     found = thoroughly_investigated(prepared, advance)
     found = _with_said_first(found, said_of_late_rows(found))

@@ -141,7 +141,13 @@ MOST_DISPUTED = _number(
     "MOST_DISPUTED", 1.0 / 3.0, "of chi-square", "two parts of a record that dispute more do not agree",
     "derived: each predicts the other with gain (eq. 10b)",
 )  # fmt: skip
-WORSE = _number("WORSE", 0.03, "share", "a held-out figure that grows by it refuses an effect", "chosen")
+WORSE = _number(
+    "WORSE",
+    0.03,
+    "share",
+    "a held-out figure that grows by it refuses an effect; a law held at its edge that adds as much is sought anew",
+    "chosen",
+)
 WORSE_NIS = _number("WORSE_NIS", 1.15, "factor", "and a NIS that is so much further from 1", "chosen")
 WORST = _number("WORST", 0.07, "share", "the same where the free run gains", "chosen")
 WORST_NIS = _number(

@@ -229,13 +229,18 @@ class Fit:
         return self.sigmas_of(effect_id) > sigmas
 
     def sigmas_of(self, effect_id: str) -> float:
-        """By how many standard deviations an effect is there at all; of laws without a formula, the least of each.
+        """By how many standard deviations an effect is there at all; of laws, and of several tones, the least of each.
 
-        A law has coefficients that the record says nothing of beside those that it knows: sqrt(v' V^-1 v) of all.
+        A law has coefficients that the record says nothing of beside those that it knows: sqrt(v' V^-1 v) of all. Tones
+        nearer to each other than a record tells apart may be as large as they like, one against the other.
         """
-        laws = [item for item in self.terms_of(effect_id) if item.term.law is not None]
+        items = self.terms_of(effect_id)
+        laws = [item for item in items if item.term.law is not None]
         if laws:
             return min(_sigmas(np.array(item.term.values), item.covariance) for item in laws)
+        if len(items) > 1 and items[0].term.effect.repeats:
+            told = [item.term.effect.amplitude(item.term.values, item.covariance) for item in items]
+            return min(size / std if std > 0.0 else 0.0 for size, std in told)
         size, std = self.size_of(effect_id)
         return size / std if std > 0.0 else 0.0
 

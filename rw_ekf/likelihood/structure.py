@@ -81,10 +81,13 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
     return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(knots.size)))
 
 
-def structure(fit: Fit) -> Structure:
-    """Test the fit of a model without friction that has a memory for what the commonest effects would add."""
+def structure(fit: Fit, asked: Float64Array | None = None) -> Structure:
+    """Test the fit of a model without friction that has a memory for what would add to it.
+
+    asked: slopes (n, m) of each one-step prediction by what is asked for; None: by what the commonest effects add.
+    """
     linearised = fit.linearised
-    extra = _regressors(fit)
+    extra = _regressors(fit) if asked is None else asked
     best_with, best_without = -math.inf, -math.inf
     with_value, without_value = 0.0, 0.0
     combine = np.zeros((0, 0))

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from rw_ekf.logs.sums import changed
 from rw_ekf.model.effect import Term
 from rw_ekf.model.effect_kinds import FormulaEffect
 from rw_ekf.model.law import Law
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
+from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS, FrictionParameters
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.wheel_tag import WheelTag
 
@@ -64,6 +64,14 @@ class WheelModel:
                 which = f" {number + 1}" if len(term.values) > 1 else ""
                 named.append((f"{term.id}.{coefficient.name}{which}", float(value), coefficient.unit))
         return {name: (value, math.sqrt(self.covariance[i][i]), unit) for i, (name, value, unit) in enumerate(named)}
+
+    def without(self, laws: Collection[Law]) -> WheelModel:
+        """The same without the terms of these laws."""
+        dropped = [term.law in laws for term in self.effects.terms for _ in term.values]
+        kept = [*range(PARAMETER_COUNT), *(PARAMETER_COUNT + at for at, gone in enumerate(dropped) if not gone)]
+        terms = tuple(term for term in self.effects.terms if term.law not in laws)
+        covariance = tuple(tuple(self.covariance[i][j] for j in kept) for i in kept)
+        return replace(self, covariance=covariance, effects=EffectSet(terms))
 
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""

@@ -7,10 +7,14 @@ from dataclasses import replace
 import pytest
 
 from rw_ekf.diagnosis.checks.confirmation import worsened
+from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
+from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
-from tests.diagnosis.simulated import TRUTH
+from tests.diagnosis.simulated import TRUTH, log_of, simulated
 
 WHEEL = RecordFacts(
     first_s=0.0,
@@ -83,3 +87,17 @@ def test_worse_figures_are_told() -> None:
     assert worsened(before, {**before, "nis_mean": 1.56}, 0.07, 1.35) == "NIS goes from 1.02 to 1.56"
     assert worsened(before, {**before, "free_run_rms_rpm": 1.0, "nis_mean": 0.99}, 0.03, 1.15) is None
     assert worsened(before, {**before, "horizon_1s_rms_rpm": 9.0}, 0.03, 1.15) is None
+
+
+def test_two_tones_nearer_than_the_record_tells_apart_are_not_known() -> None:
+    """One tone of 300 s fitted is known; as two, .2 mHz apart, they are large one against the other."""
+    run = simulated(["external_torque:amplitude_rad_s2=0.05,frequency_Hz=0.02"], seed=5, samples=3000)
+    base = prepare(source_of([log_of(run)]), None, None, "blocks").base
+
+    def sigmas(*frequencies_Hz: float) -> float:
+        tones = [Term(CATALOGUE["external_torque"], (0.02, 0.01), (0.1, 0.1), (f, 0.0, 0.0)) for f in frequencies_Hz]
+        start = Start(base.model.with_terms(*tones), base.trajectory, base.noise)
+        return fit_model(base.problem, start).sigmas_of("external_torque")
+
+    assert sigmas(0.02) > 50.0
+    assert sigmas(0.02, 0.0202) < 0.5
