@@ -67,6 +67,8 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
     taken = [line.entry.get("column") for line in guess.lines]
     for column in (each for each in columns if each.turn is not None and each.key in taken):
         guess.notes.append(f"{column.shown}: what lies just below {column.turn:g} is negative, and read as unsigned")
+    if not any(table.names):
+        guess.notes.append(f"its columns have no names: COLUMN is a number from 0 to {len(table.names) - 1}")
     told.add_unasked(guess)
     ask_what_is_open(table, columns, told, guess)
     return guess

@@ -321,7 +321,7 @@ def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, .
         raise LogError(f"{name}: line {number + 1}: the header cannot be read ({error})") from None
     has_header = layout.header
     if has_header is None:
-        has_header = not all(number_or_none(cell) is not None for cell in cells)
+        has_header = not all(number_or_none(cell) is not None or is_stamp(cell.strip()) for cell in cells)
     first_line = number + (2 if has_header else 1)
     first_row = next((line for line in lines[first_line - 1 :] if line.strip()), "")
     return tuple(cell.strip() if has_header else "" for cell in cells), has_header, first_line, first_row
