@@ -18,6 +18,7 @@ from rw_ekf.logs.raw_table import RawTable
 _TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at less than that and no more
 _TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
 _ANGLES = ("angle", "angolo", "angulo", "drehwinkel", "mechangle", "phi", "rotorangle", "theta", "winkel")
+_FAR, _OFTEN = 0.4, 0.95  # of a turn between rows, which is no longer sure to be the shorter way; in how many rows
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
 
@@ -184,6 +185,10 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
         answers = (Line("speed_rad_s", entry | {"unit": unit}, "") for unit in ("rad", "deg", "turns"))
         guess.ask("speed_rad_s", text, *answers)
         return column
+    if turn is not None and not told.has("speed_rad_s") and _goes_too_far(column.values, turn):
+        text = f"{column.shown} goes nearly half a turn and more from row to row: which way, and how often around?"
+        guess.ask("speed_rad_s", text, Line("speed_rad_s", entry, ""))
+        return column
     why = f"there is no speed: it is the rate of {column.shown}"
     why += f", which begins anew after {turn:.6g}" if turn is not None else ""
     guess.take("speed_rad_s", entry | {key: value for key, value in more.items() if key != "unit"}, why)
@@ -196,6 +201,12 @@ def _turn_of(column: Column, counts: object = None) -> float | None:
     if unit is not None and not unit.per:
         return turn_of(column.values, (2.0 * math.pi / unit.factor,), only=True)
     return turn_of(column.values, (counts,) if isinstance(counts, float) else ())
+
+
+def _goes_too_far(angle: Float64Array, turn: float) -> bool:
+    """Whether an angle (n,) that begins anew goes so far between rows that the shorter way may be the wrong one."""
+    change = np.diff(angle[np.isfinite(angle)])
+    return float(np.quantile(np.abs(change - turn * np.round(change / turn)), _OFTEN)) > _FAR * turn
 
 
 def _direction(columns: list[Column], speed: Column) -> Column | None:

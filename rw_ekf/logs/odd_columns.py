@@ -26,6 +26,7 @@ _NEAR_END = 0.99  # of its range: so near come small negative numbers, and hardl
 _LEAST_ROWS = 3
 _TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 2.0**32, 4000.0, 3600.0)
 _FULL = 0.9  # of a turn, which an angle that begins anew covers
+_OVER = 1.05  # of a turn in degrees, radians or turns: so far goes one whose calibration is off, or is noisy
 _SAME_TURN = 0.01  # of itself: 4000 counts and 4096 differ by more, what a jump says of a turn by less
 _EVEN = 0.3  # of the usual step, by which a regular clock may be early or late
 _MOSTLY = 0.8
@@ -155,13 +156,17 @@ def turn_of(values: Float64Array, turns: Sequence[float] = (), *, only: bool = F
     """
     values = values[np.isfinite(values)]
     spread, change = float(np.ptp(values)), np.diff(values)
-    fits = [turn for turn in (*turns, *(() if only else _TURNS)) if _FULL * turn <= spread <= turn * (1.0 + 1.0e-9)]
-    fits = [turn for turn in fits if (np.abs(change) > 0.5 * turn).any()]
+    usual = (*turns, *(() if only else _TURNS))
+    whole = {turn: bool(np.isclose(turn, _TURNS[:3], rtol=1.0e-9).any()) for turn in usual}  # in the unit of an angle
     at = np.flatnonzero(np.abs(change) > 0.5 * spread)
     at = at[(at > 0) & (at < change.size - 1)]
-    if fits and at.size and not only:
-        jump = float(np.median(np.abs(change[at] - 0.5 * (change[at - 1] + change[at + 1]))))
-        fits = sorted((turn for turn in fits if abs(jump / turn - 1.0) < _SAME_TURN), key=lambda turn: abs(jump - turn))
+    jump = float(np.median(np.abs(change[at] - 0.5 * (change[at - 1] + change[at + 1])))) if at.size else 0.0
+    most = {turn: turn * (_OVER if whole[turn] and at.size else 1.0 + 1.0e-9) for turn in usual}
+    fits = [turn for turn in usual if _FULL * turn <= spread <= most[turn] and (np.abs(change) > 0.5 * turn).any()]
+    if at.size:
+        sure = [turn for turn in fits if abs(jump / turn - 1.0) < (_OVER - 1.0 if whole[turn] else _SAME_TURN)]
+        within = [turn for turn in fits if spread <= turn * (1.0 + 1.0e-9)]
+        fits = within if only and within else sorted(sure, key=lambda turn: abs(jump - turn))
     return fits[0] if fits else None
 
 

@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 
 import rw_ekf
+from rw_ekf.logs.odd_columns import turn_of
 from rw_ekf.units import RAD_S_PER_RPM
 
 RPM = 1.0 / RAD_S_PER_RPM
 Formula = Callable[[float, float, float], float]
+
+
+def test_a_noisy_angle_that_goes_beyond_its_turn_begins_anew_all_the_same() -> None:
+    """Its jumps say so; counts of a turn are told apart by a hundredth still."""
+    true = np.cumsum(np.linspace(40.0, 12.0, 900))
+    noise = np.random.default_rng(3).normal(0.0, 2.0, true.size)
+    angle = true % 360.0 + noise
+    assert np.ptp(angle) > 360.0
+    assert turn_of(angle) == 360.0
+    assert turn_of(np.radians(angle), (2.0 * math.pi,), only=True) == 2.0 * math.pi
+    assert turn_of(true + noise) is None
+    assert turn_of((true * 10.0) % 4000.0, (4096.0,)) == 4000.0
+
+
+def test_an_angle_that_goes_half_a_turn_between_rows_is_asked_about(tmp_path: Path) -> None:
+    """Which way around it went nobody knows then."""
+
+    def asked(step_deg: float) -> str:
+        rows = (f"{i / 10!r},{round(step_deg * i % 360.0, 2)!r},{math.sin(i)!r}" for i in range(100))
+        (tmp_path / "a.csv").write_text("\n".join(["t_s,angle_deg,i_A", *rows]))
+        return " ".join(question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions)
+
+    assert "half a turn" in asked(201.0)
+    assert not asked(31.0)
 
 
 def test_a_row_of_dates_is_no_row_of_names(tmp_path: Path) -> None:
