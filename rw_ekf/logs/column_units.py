@@ -139,6 +139,17 @@ _PUBLISHED_TOGETHER = {
     ): {
         "position": "rev", "velocity": "rev/s", "torque": "N m", "q_current": "A", "d_current": "A", "voltage": "V",
     },
+    # VESC: what it answers as rpm is electrical (commands.c, COMM_GET_VALUES), which VescUart, pyvesc and the ROS
+    # driver (VescState.msg) pass on.
+    frozenset({"avgMotorCurrent", "dutyCycleNow", "inpVoltage"}): {
+        "rpm": "erpm", "avgMotorCurrent": "A", "avgInputCurrent": "A", "inpVoltage": "V",
+    },
+    frozenset({"avg_motor_current", "duty_cycle_now"}): {
+        "rpm": "erpm", "avg_motor_current": "A", "avg_input_current": "A", "v_in": "V",
+    },
+    frozenset({"current_motor", "duty_cycle", "charge_drawn"}): {
+        "speed": "erpm", "current_motor": "A", "current_input": "A", "voltage_input": "V",
+    },
     # Betaflight's log of flights, by its viewer (blackbox-log-viewer, flightlog_fields_presenter.js): erpm in hundreds,
     # and hundredths as blackbox_decode leaves them where the name has no unit.
     frozenset({"loopIteration", "eRPM[0]"}): {f"eRPM[{motor}]": "100 erpm" for motor in range(8)},

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import rw_ekf
 from rw_ekf.logs.odd_columns import turn_of
@@ -14,6 +16,21 @@ from rw_ekf.units import RAD_S_PER_RPM
 
 RPM = 1.0 / RAD_S_PER_RPM
 Formula = Callable[[float, float, float], float]
+
+
+@pytest.fixture(scope="module")
+def run() -> rw_ekf.Log:
+    """30 s of a simulated wheel at 10 Hz, in both directions."""
+    return rw_ekf.simulate("steps", duration_s=30.0, seed=8)
+
+
+def _asked(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple[rw_ekf.GuessedColumns, str]:
+    """What is found of a log of time, speed [rpm], current and further columns, of these; and what is asked."""
+    rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    cells = ((t, w * RPM, i, *(formula(t, w, i) for formula in further)) for t, w, i in rows)
+    path.write_text("\n".join([header, *(",".join(map(repr, row)) for row in cells)]) + "\n")
+    found = rw_ekf.guess_columns(path)
+    return found, " ".join(question.text for question in found.guess.questions)
 
 
 def test_a_noisy_angle_that_goes_beyond_its_turn_begins_anew_all_the_same() -> None:
@@ -47,3 +64,21 @@ def test_a_row_of_dates_is_no_row_of_names(tmp_path: Path) -> None:
     table = rw_ekf.guess_columns(tmp_path / "a.csv")
     assert any("a number from 0 to 1" in note for note in table.guess.notes)
     assert {line.entry.get("column") for line in table.guess.lines} <= {0, 1}
+
+
+def test_what_a_vesc_calls_rpm_is_electrical(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """As its library for microcontrollers passes it on, whatever it is called."""
+    rows = [
+        {
+            "rpm": round(w * RPM * 7),
+            "t": t,
+            "avgMotorCurrent": i,
+            "dutyCycleNow": w / 400.0,
+            "inpVoltage": 12.0 - 0.1 * i,
+        }
+        for t, w, i in zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    ]
+    (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    asked = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.jsonl").guess.questions]
+    assert len(asked) == 1
+    assert "pole pairs" in asked[0]
