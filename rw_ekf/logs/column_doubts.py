@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import said_by, unit_in_prose
+from rw_ekf.logs.column_names import role_of, said_by, unit_in_prose
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line, are_counts, said_in_columns
 from rw_ekf.logs.column_units import size_of_count, unit_of
@@ -27,12 +27,12 @@ _TWICE = 0.3  # of the rows have the time of the row before, where several wheel
 _MOST_WHEELS = 16  # in one file
 _ELECTRICAL = ("electrical", "elec", "elek", "elect", "elektrisch", "el", "we", "ne", "omegae", "thetae", "phie")
 _SYMBOLS = frozenset(["omega", "w", "n", "theta", "phi", "q", "speed", "vel", "rpm"])
-_LETTERS = {"e": "electrical", "d": "desired, or of the d axis", "s": "of the stator's field", "c": "commanded"}
-_OTHER_MACHINES = (
-    "fan", "pump", "spindle", "turntable", "platform", "body", "satellite", "spacecraft", "gimbal", "gyro", "imu",
-    "load", "dyno", "yaw", "pitch", "roll", "pend", "pendulum", "base", "plate", "arm", "abtrieb", "abtriebsdrehzahl",
-    "predicted", "simulated", "sim", "model", "gear", "gearbox", "getriebe",
-)  # fmt: skip
+_LETTERS = {
+    "e": "electrical",
+    "d": "a difference, desired, or of the d axis",
+    "s": "of the stator's field",
+    "c": "commanded",
+}
 _NOT_SUMMED = re.compile(
     r"delta|\bdiff|increments?\b|inkremente|per (row|sample)|\b(every|each)\b|\bsince (the )?(last|prev)", re.IGNORECASE
 )
@@ -43,7 +43,7 @@ _TURNING = (
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
 _FACTOR = re.compile(
-    r"_(?:x|div|by)_?\d+(?!\w)|_(?:per|in|of)_?10+k?(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)"
+    r"_(?:x|div|by)_?\d+(?!\w)|(?<=[A-Za-z])10+$|_(?:per|in|of)_?10+k?(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)"
     r"(?![\d.,]|\s*(?:[a-z]?Hz|[mun]?s\b)|[a-z])|"
     # as a word: rpm_1k, rpm in thousands, k_rpm, n_Tsd
     r"(?<![^\W_])(?:1k|1e[+-]?\d|e[+-]\d|kilo|thousands?|tausend\w*|tsd|hundreds?|tens|tenths?|hundredths?|thousandths?|"
@@ -60,6 +60,7 @@ _LIKE_A_UNIT = re.compile(
 )  # of no known meaning
 _LEAST_UNITS = 2  # in brackets at other columns, where a word there is to be one
 _A_WORD = 3  # letters: shorter is a unit, or an axis
+_TAIL = re.compile(r"[\W_].*")
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
 _INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
 _BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
@@ -69,8 +70,9 @@ _IDS = frozenset((
 ))  # fmt: skip
 _BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
 _INSTANCE = re.compile(
-    r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda|rpm|speed|omega|torque|current|cur)[\W_]?"
-    r"(?P<which>\d{1,2}|[A-D]|[xyz])(?![A-Za-z0-9])|(?P<side>left|right|links|rechts)",
+    r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda|rpm|speed|omega|torque|current|cur|drive|esc|joint|servo)[\W_]?"
+    r"(?P<which>\d{1,2}|[A-D]|[xyz])(?![A-Za-z0-9])|(?<![A-Za-z])m(?P<motor>\d{1,2})(?![A-Za-z0-9])|"
+    r"(?P<side>left|right|links|rechts)",
     re.IGNORECASE,
 )
 
@@ -138,6 +140,10 @@ def _doubts(
         _NOT_SUMMED.search(f"{column.name} {column.remark}") or any(map(SINCE_LAST.search, table.preamble))
     ):
         yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
+    if line.entry.get("derivative_of") is not None and {"x", "y"} <= {
+        _TAIL.sub("", name.lower()) for name in table.names
+    }:
+        yield f"{column.shown}: x and y stand beside it: is it the wheel's angle, or the heading of a vehicle?", (line,)
     if line.name.startswith("speed"):
         yield from _doubts_of_speed(one, bool(told.unit("speed_rad_s", "speed_rpm")))
 
@@ -156,7 +162,9 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
     said, unit = column.said, column.said.unit
     per = unit is not None and bool(unit.per)
     letters = [
-        letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS and not (per and letter == "e")
+        letter
+        for letter in _LETTERS
+        if letter in said.words and (said.words & _SYMBOLS or said.words == {letter}) and not (per and letter == "e")
     ]
     if not (per or unit_was_set) and (said.any_of(*_ELECTRICAL) or "e" in letters):
         divided = Line("speed_rad_s", line.entry | {"unit": "erpm", "pole_pairs": 7}, "")
@@ -167,11 +175,13 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
             f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",
             (line,),
         )
-    of_another = said.any_of(*_OTHER_MACHINES) or said_by(column.remark).any_of(*_OTHER_MACHINES)
+    of_another = said.has("other_machine") or said_by(column.remark).has("other_machine")
     if of_another and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
         yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
     if unit is None or unit_was_set or unit.quantity != "speed":
         return
+    if column.name.lower() in ("drpm", "mrpm"):
+        yield f"{column.shown}: tenths or thousandths of 1/min, a difference, or the motor's?", (line,)
     if not unit.per and (fastest := unit.factor * column.top) > _FASTEST_RAD_S:
         yield f"{column.shown} would go to {fastest:.3g} rad/s in {said.unit_text}: in which unit is it?", (line,)
     if said.unit_text.lower() == "hz" and not said.any_of(*_TURNING):
@@ -201,7 +211,8 @@ def _unread(column: Column) -> str:
     for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity
-        if SINCE_LAST.search(text):  # counts of an interval, which are understood
+        symbol = len(text) == 1 and role_of(said_by(text)) == column.role  # time(t), speed(n)
+        if symbol or SINCE_LAST.search(text):  # counts of an interval, which are understood
             continue
         if another or (known is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text))):
             return str(text)
@@ -271,10 +282,13 @@ def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
     first, second = map(_instances, (speed.name, current.name))
     if not any(which.isalpha() and len(which) == 1 for which in first):
         second.discard(current.said.unit_text.lower())  # the A of current_A, beside rw2: its unit
+    sides = [{"input", "output"} & column.said.words for column in (speed, current)]
+    if current.role == "torque" and all(sides):  # of a gear, or of a bench
+        first, second = sides
     if first and second and not first & second:
         guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
 
 
 def _instances(name: str) -> set[str]:
     """Which of several wheels a name says: its number, letter or side."""
-    return {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(name)}
+    return {next(filter(None, match.groups())).lower() for match in _INSTANCE.finditer(name)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 
@@ -36,14 +37,11 @@ _MEASURED_WITH = (
 _NO_TORQUE_OF_DRIVE = ("reaction", "disturbance", "friction", "drag", "brake", "load", "external", "reibung")
 _KIND_OF_AMPERE = re.compile(r"rms|eff|pk|peak", re.IGNORECASE)
 _HARDLY = 0.05  # of itself: a supply's voltage moves by so much under load
+_STEADY = 0.1  # of itself: so little scatters the voltage of a supply, and not that of a motor
+_SAME_POWER = 0.02  # of the largest: a power and the product that it is, in so many of the rows at least
 _FULL_SHARE = 1.05  # of a drive: more is a count of something
 _HALF_PERCENT = 40.0  # never below it: a bridge whose zero is at 50 %
 _UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
-_OTHER_LOADS = (
-    "aux", "brake", "charger", "coil", "cpu", "excitation", "fan", "field", "fuse", "gyro", "heater", "heizung", "host",
-    "imu", "laser", "leak", "leakage", "led", "logic", "magnet", "mcu", "model", "obc", "panel", "pcb", "predicted",
-    "pump", "radio", "sim", "simulated", "solar", "standby",
-)  # fmt: skip
 _RAIL = re.compile(r"(?<![A-Za-z0-9])\d{1,2}v\d?(?![A-Za-z0-9])", re.IGNORECASE)  # I_3v3, current_24V
 
 
@@ -61,7 +59,7 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
     if _find_currents(columns, told, guess) or len(guess.questions) > asked:
         return
     for role, note in _DRIVES:
-        column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess)
+        column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess, _in_its_unit)
         if column is not None and (text := _no_drive(column, role)):
             guess.ask("current_A", f"{column.shown} {text}", Line("current_A", column.entry(column.unit), ""), _FREE)
         elif column is not None and role in _UNITS_OF_DRIVE and not (column.unit or told.unit("current_A")):
@@ -113,7 +111,9 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
     """Add the measured current and the commanded one; whether there is one."""
     found = False
     for role, name, what in _CURRENTS:
-        column = chosen([c for c in columns if c.role == role and c.moves], what, name, guess)
+        column = chosen(
+            [c for c in columns if c.role == role and c.moves], what, name, guess, partial(_amperes_of, name)
+        )
         if column is None:
             continue
         fed = column.said.any_of(*_FED) or not column.said.has("machine")  # "motor supply current" is the supply's
@@ -122,10 +122,10 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
             guess.ask(name, f"{text}: is it what makes the torque?", Line(name, column.entry(column.unit), ""))
         elif role == "current" and column.said.any_of("limit", "peak", "max", "min"):
             guess.ask(name, f"{column.shown}: is it the current that flows?", Line(name, column.entry(column.unit), ""))
-        elif (column.said.any_of(*_OTHER_LOADS) or _RAIL.search(column.name)) and not column.said.has("machine"):
+        elif (column.said.has("other_load") or _RAIL.search(column.name)) and not column.said.has("machine"):
             text = f"{column.shown} may be of something else than the motor: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
-        elif role == "current" and column.said.has("supply") and fed:
+        elif role == "current" and ((column.said.has("supply") and fed) or _feeds(column, columns)):
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
         else:
@@ -141,7 +141,7 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
     if not unit and column.name not in READABLE_COLUMNS:
         if column.unit:
             unit, why = column.unit, f"its name says {column.unit}"
-        elif not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]:
+        elif _in_amperes(column):
             unit, assumed = "A", True
             why = f"it goes to {column.top:.3g}, with decimals: in mA that would move nothing"
         else:
@@ -154,6 +154,34 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
         guess.notes.append(f"{column.shown}: motor_gain is then per ampere of that kind ({unit})")
     unit = "" if unit_of(unit) == unit_of("A") else unit
     guess.take(name, told.with_more(name, column.entry(unit)), why, assumed=assumed)
+
+
+def _feeds(column: Column, columns: list[Column]) -> bool:
+    """Whether a current times a voltage that hardly changes is the power of another column: the supply's."""
+    volts = [c.values for c in columns if c.role in ("voltage", "bus_voltage") and np.isfinite(c.values).any()]
+    steady = [values for values in volts if np.nanstd(values) < _STEADY * abs(np.nanmean(values))]
+    powers = [c.values for c in columns if c.role == "other" and c.moves and np.nanmax(np.abs(c.values)) > 0.0]
+    products = ((power, values * column.values) for power in powers for values in steady)
+    found = (
+        np.abs(np.abs(power) - np.abs(product)) < _SAME_POWER * np.nanmax(np.abs(power)) for power, product in products
+    )
+    return not column.said.has("machine") and any(np.mean(same) > 1.0 - _SAME_POWER for same in found)
+
+
+def _in_amperes(column: Column) -> bool:
+    """Whether numbers without a unit are amperes by their size."""
+    return not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]
+
+
+def _in_its_unit(column: Column) -> Line | None:
+    """The line of a drive that says its unit, or has none."""
+    return Line("current_A", column.entry(column.unit), "") if column.unit or column.role == "share" else None
+
+
+def _amperes_of(name: str, column: Column) -> Line | None:
+    """The line of a current whose unit is known."""
+    known = column.unit or column.name in READABLE_COLUMNS or _in_amperes(column)
+    return Line(name, column.entry(column.unit), "") if known else None
 
 
 def _coasts(speed: Float64Array) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -127,8 +127,10 @@ class Column:
         electrical = said.any_of("electrical", "elec", "erpm")
         second = said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
         whole = said.unit is not None and not said.unit.per
+        elsewhere = said.has("other_machine" if self.role == "speed" else "other_load")
         return (
-            int(self.name in READABLE_COLUMNS), int(not second), int(not said.has("aside")), int(not electrical),
+            int(self.name in READABLE_COLUMNS), int(not second), int(not said.has("aside")),
+            int(not elsewhere or said.has("machine")), int(not electrical),
             int(said.has("torque_axis")), int(not said.has("supply")), int(not self.is_of_a_phase),
             int(said.has("machine")), int(said.has("raw")), int(whole),
         )  # fmt: skip
@@ -293,11 +295,19 @@ def best_of(candidates: Sequence[Column]) -> list[Column]:
     return [column for column in candidates if column.rank == top]
 
 
-def chosen(candidates: Sequence[Column], what: str, name: str, guess: Guess) -> Column | None:
-    """The one that fits best; a question where two fit as well. None where there is none, or it is asked."""
+def chosen(
+    candidates: Sequence[Column], what: str, name: str, guess: Guess, line_of: Callable[[Column], Line | None]
+) -> Column | None:
+    """The one that fits best; a question where two fit as well. None where there is none, or it is asked.
+
+    line_of: the line of one of them, None where its unit is asked next.
+    """
     best = best_of(candidates)
     if len(best) > 1:
         shown = ", ".join(column.shown for column in best[:4])
-        answers = (Line(name, column.entry(column.unit), "") for column in best)
-        guess.ask(name, f"{shown}: which of them is the {what}?", *answers)
+        answers = [line for line in map(line_of, best) if line is not None]
+        whole = len(answers) == len(best)
+        how = "" if whole else f" --set {name.partition('_')[0]}=COLUMN."
+        text = f"{shown}: which of them is the {what}?{how}"
+        guess.ask(name, text, *(answers if whole else ()))
     return best[0] if len(best) == 1 else None

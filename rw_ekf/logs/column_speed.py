@@ -31,12 +31,16 @@ def find_speed(
     angles = [c for c in columns if c.role == "angle" and c.moves]
     if given is not None and given[1] is not None:
         speeds = [c for c in columns if c.number == given[1]]
+        known = unit_of(told.unit("speed_rad_s", "speed_rpm"))
+        if speeds[0].role == "angle" and (known is None or known.quantity in ("angle", "length")):
+            angles, speeds = speeds, []
     candidates, what = (angles, "angle") if angles and not speeds else (speeds, "speed")
     asked = len(guess.questions)
-    column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess)
+    column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess, _known_line)
     if column is None:
         if len(guess.questions) == asked:
-            guess.ask("speed_rad_s", "no column is known to be the speed: --set speed=COLUMN.")
+            still = next((f"{c.shown} never changes, and " for c in columns if c.role == "speed"), "")
+            guess.ask("speed_rad_s", f"{still}no column is known to be the speed: --set speed=COLUMN.")
         return None
     told_unit, sign = told.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
     if not told_unit and (column.unit == "" or what == "angle") and is_since_last(column):
@@ -81,6 +85,27 @@ def _speed_line(column: Column, unit: str, why: str, sign: Column | None, told: 
         entry = told.with_more("speed_rad_s", told.with_more("speed_rpm", column.entry("", **more)))
         return Line("speed_rpm", entry, why)
     return Line("speed_rad_s", told.with_more("speed_rad_s", column.entry(unit, **more)), why)
+
+
+def _known_line(column: Column) -> Line | None:
+    """The line of a speed or angle where its name says all that it needs: None where more is to be asked."""
+    unit = column.unit or _unit_in_words(column)
+    known = unit_of(unit)
+    if known is None or known.per:
+        return None
+    if column.role == "angle":
+        turn = _turn_of(column)
+        entry: dict[str, object] = {
+            "derivative_of": column.key,
+            **({} if turn is None else {"wrap": turn}),
+            "unit": unit,
+        }
+        return Line("speed_rad_s", entry, "")
+    return (
+        Line("speed_rpm", column.entry(), "")
+        if known == unit_of("rpm")
+        else Line("speed_rad_s", column.entry(unit), "")
+    )
 
 
 def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | None, told: str) -> tuple[str | None, str]:

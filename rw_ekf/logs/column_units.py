@@ -101,7 +101,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("acceleration"), "rad/s2 rad/s/s m/s2 g deg/s2 rpm/s"),
     **_all(Unit("linear_speed"), "m/s"),
     **_all(Unit("linear_speed", 1e-3), "mm/s"),
-    **_all(Unit("length"), "m"),
+    **_all(Unit("length"), "m meter meters metre metres"),
     **_all(Unit("length", 1e-3), "mm"),
     **_all(Unit("length", 1e-6), "um"),
     **_all(Unit("other"), "w kw mw kg gf kgf j wh ah mah ohm ohms mohm db khz mhz kv kq utc gmt kgm2 kg.m2 nm/a s2 "
@@ -184,6 +184,8 @@ _PREFIXED = {"cA": (0.01, "a"), "dA": (0.1, "a"), "cV": (0.01, "v"), "dV": (0.1,
 def unit_of(spelling: str) -> Unit | None:
     """What a unit means; None where it is none that is known. `0.1 rpm` is a tenth of one."""
     plain = plain_spelling(spelling)
+    if plain == "mrpm" and spelling.strip(" [(")[0] == "M":  # a motor's, or thousandths
+        return None
     if (scaled := size_of_count(spelling)) is None and plain not in _SPELLINGS and "_" not in spelling:
         match = _SCALED.fullmatch(plain)  # not of current_10_A: the tenth
         scaled = None if match is None else (float(match[1]), match[2])

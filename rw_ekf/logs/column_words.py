@@ -18,7 +18,7 @@ WORDS: dict[str, frozenset[str]] = {
             tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
-            istdrehzahl motordrehzahl motorspeed n nm1 nopeus obratky obrotowa obroty omega omegas omg
+            istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus obratky obrotowa obroty omega omegas omg
             otacky phidot predkosc qd qdot raddrehzahl regime rotacao rotacion rotation rotationspeed
             rotrate rpm snelheid spd speed speeds tacho tachometer thetadot toerental tours varvtal vel velo
             velocidad velocidade velocita velocities velocity vitesse w wheelspeed winkelgeschwindigkeit wm """,
@@ -69,16 +69,19 @@ WORDS: dict[str, frozenset[str]] = {
             d daxis feldbildend fieldgenerating fieldproducing fluxproducing id magnetising magnetizing reactive ud
             vd """,
         "neither": """
-            efficiency energie energy err error fehler leistung potencia power puissance wirkungsgrad """,
+            amphour amphours ddot efficiency energie energy err error fehler leistung potencia power puissance
+            watthour watthours wirkungsgrad """,
         "derived": """
-            abs acc accel acceleration average averaged avg derivative diff err error est estimate estimated
-            filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
+            abs acc accel acceleration analog analogue average averaged avg derivative diff err error est estimate
+            estimated filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
             simulated smooth smoothed std """,
         "aside": """
-            abweichung acc accel acceleration band bias delta deviation diff difference differenz fft
-            grenzwert initial lim limit max min next noise nom nominal norm normalised normalized normiert offset
-            old prev previous rated ratio ripple sigma sq squared stall start std sum threshold tolerance variance
-            zero """,
+            abweichung acc accel acceleration accumulated alpha band bias change cum cumulative currentdot
+            currentrate delta deviation diff difference differenz fft gradient grenzwert idot initial int integ
+            integral integrated lim limit max min ndot next noise nom nominal norm normalised normalized normiert
+            offset old omegadot omegarate prev previous rated ratio ripple rpmdot rpmrate sigma slope speeddot
+            speedrate sq squared stall start std sum threshold tolerance variance veldot velocitydot velocityrate
+            velrate wdot zero """,
         "countdown": """
             countdown left remaining rest restant restante restzeit togo verbleibend """,
         "raw": """
@@ -87,6 +90,13 @@ WORDS: dict[str, frozenset[str]] = {
         "machine": """
             flywheel kolo m mot moteur motor motoru rad rotor roue rw schwungrad shaft silnik silnika
             vliegwiel volan volano volante welle wheel """,
+        "other_load": """
+            aux brake charger coil cpu excitation fan field fuse gyro heater heizung host imu laser leak leakage led
+            logic magnet mcu model obc panel pcb predicted pump radio sim simulated solar standby """,
+        "other_machine": """
+            abtrieb abtriebsdrehzahl arm base body dyno fan gear gearbox getriebe gimbal gyro imu load model pend
+            pendulum pitch plate platform predicted pump roll satellite sim simulated spacecraft spindle turntable
+            yaw """,
         "linear": """
             distance gyro gyrox gyroy gyroz imu meters air car gps ground linear vehicle wind """,
     }.items()
@@ -107,6 +117,7 @@ SIGNS = {
     "источник": " supply ", "задан": " set ", "момент": " torque ", "напряж": " voltage ",
     "темп": " temperature ", "угол": " angle ", "мах": " wheel ", "モータ": " motor ", "電源": " supply ",
     "回転": " speed ", "ホイール": " wheel ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ",
+    "I2t": " i integral ", "i2t": " i integral ", "I²t": " i integral ",
     "τ": " tau ", "相": " phase ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
 

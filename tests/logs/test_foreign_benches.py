@@ -33,6 +33,65 @@ def _asked(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple
     return found, " ".join(question.text for question in found.guess.questions)
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t_s,rpm_dot,i_A", "t_s,d_rpm,i_A", "t_s,rpm_rate,i_A", "t_s,omega_dot,i_A", "t_s,rpm10,i_A", "t_s,Mrpm,i_A",
+        "t_s,mrpm,i_A", "t_s,drpm,i_A", "t_s,rpm_gradient,i_A", "t_s,rpm,I2t", "t_s,rpm,int_I", "t_s,rpm,I_dot",
+        "t_s,rpm,accumulated_current_A", "t_s,theta_ddot,i_A",
+    ],
+)  # fmt: skip
+def test_a_rate_or_a_sum_of_what_is_sought_is_asked_about(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
+    """Neither is the reading itself, nor is what a factor or a letter at its name may have changed."""
+    assert _asked(tmp_path / "a.csv", run, header)[1]
+
+
+@pytest.mark.parametrize(
+    "name", ["wheel_rate_rpm", "rotation rate (rpm)", "theta_dot_rpm", "mRPM [rpm]", "speed [mrpm]"]
+)
+def test_the_rate_of_a_wheel_is_its_speed(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """And a unit in brackets is one."""
+    assert _asked(tmp_path / "a.csv", run, f"t_s,{name},i_A")[1] == ""
+
+
+@pytest.mark.parametrize(
+    ("further", "names"),
+    [("I_brake", ["rpm", "I"]), ("fan_rpm", ["rpm", "I"]), ("currentAnalog", ["rpm", "I"]), ("ampHours", ["rpm", "I"])],
+)
+def test_what_is_of_another_load_stands_behind_a_plain_column(
+    tmp_path: Path, run: rw_ekf.Log, further: str, names: list[str]
+) -> None:
+    """Alone it is asked about; beside the one that is sought it is passed over."""
+    found, asked = _asked(tmp_path / "a.csv", run, f"t_s,rpm,I,{further}", lambda t, w, i: abs(i) + t)
+    assert not asked
+    assert [line.entry["column"] for line in found.guess.lines if line.name != "time_s"] == names
+
+
+def test_answers_of_a_choice_say_unit_and_kind(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Each is a line that reads the column as it is: rpm, the rate of an angle; where that is not known, none."""
+
+    def answers(header: str) -> list[tuple[str, dict[str, object]]]:
+        found, _ = _asked(tmp_path / "a.csv", run, header, lambda t, w, i: w * t)
+        return [(line.name, line.entry) for question in found.guess.questions for line in question.answers]
+
+    assert answers("t_s,RPM_M1,i_A,RPM_M2") == [("speed_rpm", {"column": name}) for name in ("RPM_M1", "RPM_M2")]
+    assert answers("t_s,encoderL (meters),i_A,encoderR (meters)") == [
+        ("speed_rad_s", {"derivative_of": f"encoder{side} (meters)", "unit": "meters"}) for side in "LR"
+    ]
+    assert not answers("t_s,Velocity 0,i_A,Velocity 3")
+    assert not answers("t_s,q1,i_A,q2")
+
+
+def test_an_angle_that_is_named_for_the_speed_is_differentiated(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """With `--set speed=COLUMN`; a unit of a speed says that it is one."""
+    _asked(tmp_path / "a.csv", run, "t_s,left angle (deg),i_A,right angle (deg)", lambda t, w, i: w * t)
+    found = rw_ekf.guess_columns(tmp_path / "a.csv", speed="left angle (deg)").guess
+    entry = next(line.entry for line in found.lines if line.name == "speed_rad_s")
+    assert entry == {"derivative_of": "left angle (deg)", "unit": "deg"}
+    found = rw_ekf.guess_columns(tmp_path / "a.csv", speed="left angle (deg):deg/s").guess
+    assert next(line.entry["column"] for line in found.lines if line.name == "speed_rad_s") == "left angle (deg)"
+
+
 def test_a_noisy_angle_that_goes_beyond_its_turn_begins_anew_all_the_same() -> None:
     """Its jumps say so; counts of a turn are told apart by a hundredth still."""
     true = np.cumsum(np.linspace(40.0, 12.0, 900))
@@ -82,3 +141,46 @@ def test_what_a_vesc_calls_rpm_is_electrical(tmp_path: Path, run: rw_ekf.Log) ->
     asked = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.jsonl").guess.questions]
     assert len(asked) == 1
     assert "pole pairs" in asked[0]
+
+
+def test_a_current_that_makes_the_power_of_a_supply_is_the_supplys(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """With a voltage that hardly changes; with the motor's own it is the motor's."""
+    header = "Time (s),Speed (RPM),Current (A),Voltage (V),Power (W)"
+    assert (
+        "the supply gives"
+        in _asked(tmp_path / "a.csv", run, header, lambda t, w, i: 24 - i / 9, lambda t, w, i: (24 - i / 9) * abs(i))[1]
+    )
+    assert not _asked(tmp_path / "a.csv", run, header, lambda t, w, i: w / 9 + i, lambda t, w, i: (w / 9 + i) * i)[1]
+
+
+def test_a_symbol_in_brackets_is_no_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`time(t)`, `speed(n) [rpm]`; another letter is asked about still."""
+    assert not _asked(tmp_path / "a.csv", run, "time(t),speed(n) [rpm],current(i) [A]")[1]
+    assert "'b'" in _asked(tmp_path / "a.csv", run, "time(t),rpm (b),current(i) [A]")[1]
+
+
+def test_a_heading_is_no_angle_of_a_wheel(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where x and y stand beside it."""
+    assert (
+        "heading" in _asked(tmp_path / "a.csv", run, "t_s,theta(deg),I_A,x,y", lambda t, w, i: t, lambda t, w, i: w)[1]
+    )
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t_s,RPM_M1,CURRENT_M2",
+        "t_s,ODrive 3 Velocity [rpm],ODrive 1 Current [A]",
+        "t_s,input_speed [rpm],output_torque [Nm]",
+    ],
+)
+def test_speed_and_current_of_two_drives_are_asked_about(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
+    """By their numbers, or the sides of a gear."""
+    assert "two wheels" in _asked(tmp_path / "a.csv", run, header)[1]
+
+
+def test_a_speed_that_never_changes_is_named(tmp_path: Path) -> None:
+    """Not only that none is known."""
+    (tmp_path / "a.csv").write_text("t_s,rpm,i_A\n" + "".join(f"{i / 10!r},19.5,{math.sin(i)!r}\n" for i in range(50)))
+    asked = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions]
+    assert any("'rpm' never changes" in text for text in asked)
