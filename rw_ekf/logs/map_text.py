@@ -57,7 +57,9 @@ def _entry(line: Line) -> str:
 
 
 class UncertainColumnsError(LogError):
-    """What the columns of a table are cannot be told."""
+    """What the columns of a table are cannot be told; `known`: what of them can, under other names than a log's."""
+
+    known = ""
 
 
 def map_of_guess(guess: Guess, log: str, given: ColumnMap) -> ColumnMap:
@@ -77,7 +79,9 @@ def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
     """
     guess = guess_columns(table)
     if not guess.is_certain:
-        raise UncertainColumnsError("; ".join(question.text for question in guess.questions))
+        error = UncertainColumnsError("; ".join(question.text for question in guess.questions))
+        error.known = said_in_a_line(guess) if {line.name for line in guess.lines} - {*table.names} else ""
+        raise error
     table.warnings.append(
         f"{table.path}: read as {said_in_a_line(guess)}; `rw-ekf columns` writes that down, with reasons"
     )

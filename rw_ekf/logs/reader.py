@@ -65,12 +65,16 @@ def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
         try:
             column_map = guessed_map(table, column_map)
         except UncertainColumnsError as asked:
+            map_of_it = f"`rw-ekf columns {table.path} --out map.yaml` writes"
+            if asked.known:
+                text = f"{table.path}: {asked} Known is {asked.known}; columns: {table.described_columns()}"
+                raise LogError(
+                    f"{text}. {map_of_it} the map that asks this, for --columns map.yaml; its --set answers"
+                ) from None
             try:
                 return log_of_table(table, column_map)
             except LogError as error:
-                raise LogError(
-                    f"{error}; `rw-ekf columns {table.path} --out map.yaml` writes one and asks: {asked}"
-                ) from None
+                raise LogError(f"{error}; {map_of_it} one and asks: {asked}") from None
     return log_of_table(table, column_map)
 
 

@@ -184,3 +184,13 @@ def test_a_speed_that_never_changes_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t_s,rpm,i_A\n" + "".join(f"{i / 10!r},19.5,{math.sin(i)!r}\n" for i in range(50)))
     asked = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions]
     assert any("'rpm' never changes" in text for text in asked)
+
+
+def test_a_refusal_says_what_is_known_beside_what_is_asked(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """And not that a time is missing which was found."""
+    _asked(tmp_path / "a.csv", run, "time,rpm,pid")
+    with pytest.raises(rw_ekf.Error) as caught:
+        rw_ekf.read(tmp_path / "a.csv")
+    assert "time_s is missing" not in str(caught.value)
+    assert "speed_rpm = 'rpm'" in str(caught.value)
+    assert "--set current=none" in str(caught.value)
