@@ -32,7 +32,7 @@ _MAY_DRIVE = ("current", "current_set", "torque", "force", "voltage", "share")
 _DRIVEN = ("drive", "ctrl", "control", "cmd", "command", "output", "out", "input", "u", "actuation", "power", "set")
 _MEASURED_WITH = (
     "shunt", "mon", "monitor", "sensor", "acs", "adc", "accelerometer", "strain", "thermistor", "axial", "preload",
-    "normal", "weight", "soc", "humidity", "load",
+    "normal", "weight", "soc", "humidity", "load", "thrust", "lift",
 )  # fmt: skip
 _NO_TORQUE_OF_DRIVE = ("reaction", "disturbance", "friction", "drag", "brake", "load", "external", "reibung")
 _KIND_OF_AMPERE = re.compile(r"rms|eff|pk|peak", re.IGNORECASE)

@@ -194,3 +194,9 @@ def test_a_refusal_says_what_is_known_beside_what_is_asked(tmp_path: Path, run: 
     assert "time_s is missing" not in str(caught.value)
     assert "speed_rpm = 'rpm'" in str(caught.value)
     assert "--set current=none" in str(caught.value)
+
+
+def test_the_thrust_of_a_propeller_is_what_the_speed_does(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """And no drive; a force that is none is one still."""
+    assert "thrust" in _asked(tmp_path / "a.csv", run, "t_s,rpm,thrust (N)")[1]
+    assert not _asked(tmp_path / "a.csv", run, "t_s,rpm,force (N)")[1]
