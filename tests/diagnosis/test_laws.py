@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.effects.catalogue import CATALOGUE, LEARNED
 from rw_ekf.log_replay import replay_log
+from rw_ekf.model.effect import Term
+from rw_ekf.model.law import Law
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 from tools.measure.laws import judged
 from tools.proof.nameless import C, Nameless
@@ -132,6 +139,16 @@ def test_where_a_log_goes_beyond_a_law_that_is_said() -> None:
     assert again.model is not None
     assert [term.law.column for term in again.model.effects.terms if term.law is not None] == ["bus_voltage_V"]
     assert any("and sought anew" in text for text in document["warnings"])
+
+
+def test_a_model_with_a_law_of_time_and_hidden_states_is_a_base_for_the_next_log() -> None:
+    """What friction remembers stands behind the coefficients in a filter's state, whatever a law of time is held at."""
+    change = Law("time", "torque", 280.0, 280.01, ((0.0, 1.0),), spread=(2.0,))
+    bristle = Term.of(CATALOGUE["presliding_hysteresis"], (0.3, 0.0, 0.0), 0.05)
+    terms = (Term(LEARNED, (0.05,), (0.01,), law=change), bristle)
+    model = WheelModel(CK13_STATISTICAL, tuple(tuple(row) for row in 1e-6 * np.eye(6)), 0.42, effects=EffectSet(terms))
+    prepared = prepare(source_of([Nameless("", 1011).log()]), None, model, "blocks")
+    assert prepared.setup.prior.mean.size == prepared.setup.effects.table().size == 5 + 2 + 1
 
 
 @pytest.mark.parametrize("seed", [21, 22, 23, 24])

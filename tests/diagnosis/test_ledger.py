@@ -126,6 +126,16 @@ def test_where_every_row_fails_the_model_alone_stands(monkeypatch: pytest.Monkey
     assert selection.new_ids == []
 
 
+def test_what_waited_for_the_motion_stands_before_a_less_likely_thing_that_goes_with_time_itself() -> None:
+    """Where time goes with speed a curve of time waits for laws of the motion, and not for another curve of time."""
+    waiting, timed, moving = (with_effects(name) for name in ("quadratic_drag", "coulomb_drift", "offset_torque"))
+    for here, stands in ((timed, waiting), (moving, moving)):
+        ledger = Ledger(record().base, record().facts).with_rows([here]).with_rows([waiting], waits=True)
+        row = choice._next(ledger, ledger.rows[0], set())
+        assert row is not None
+        assert row.fit is stands
+
+
 @lru_cache
 def windy() -> Prepared:
     """A wheel whose drag grows with the square of the speed and with the pressure, which is logged."""

@@ -11,11 +11,11 @@ from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance, performanc
 from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import (
+    BEYOND_DOUBT_P,
     BLIND,
     GREAT_GAIN,
     LEAST_SIGMAS,
     REAL_GAIN,
-    UNDOUBTED_P,
     WORSE,
     WORSE_NIS,
     WORST,
@@ -48,12 +48,11 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
     less = more.without(name)
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
-    if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
+    if worse is not None and p_value < BEYOND_DOUBT_P and knows_size(more, name, LEAST_SIGMAS):
         ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
-        findings = [_worse(way, less, more) for way in ways]
         if not ways:
             worse = _worse(prepared, less, more, by_turns=True)
-        elif None in findings:
+        elif lawful and any(_worse(way, less, more) is None for way in ways):
             worse = None
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"

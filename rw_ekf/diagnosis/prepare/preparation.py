@@ -232,7 +232,8 @@ def _aged(model: WheelModel) -> Belief:
         ageing = 0.0 if term.effect.of_one_record else _AGEING * abs(value)
         std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), ageing)
         aged = aged.with_coefficient(term.id, value, max(std, 1.0e-9 * max(abs(value), 1.0)))
-    return aged
+    known = aged.known(len(coefficients))
+    return Belief.of_known(*known, model.effects.table().size, effect_ids=aged.effect_ids)  # hidden states behind
 
 
 def facts_of(
