@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from rw_ekf import fleet
     from rw_ekf.errors import RwEkfError as Error
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
         replay,
         simulate,
     )
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Bench",

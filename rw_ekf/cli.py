@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from rw_ekf import __version__
 from rw_ekf.console import (
     STATUS,
     abandon_output,
@@ -22,6 +21,7 @@ from rw_ekf.console import (
 )
 from rw_ekf.errors import ConfigError, RwEkfError, UsageError
 from rw_ekf.one_thread import ask_for_one_thread
+from rw_ekf.version import __version__
 
 # Objects made between two looks for cycles. With the usual 700 they cost a short verb a fifteenth of its time, most of
 # it while modules are imported, and a diagnosis a twentieth; neither leaves cycles to speak of.

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rw_ekf import __version__
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import (
@@ -21,6 +20,7 @@ from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
+from rw_ekf.version import __version__
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.model_file import ASSUMED, WheelModel
 from rw_ekf.wheel.wheel_tag import WheelTag

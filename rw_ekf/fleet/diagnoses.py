@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rw_ekf import __version__
 from rw_ekf.console import printable
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import Executor
@@ -24,6 +23,7 @@ from rw_ekf.fleet.windows import Window, windows_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.plain_file import json_of
 from rw_ekf.shown import Shown
+from rw_ekf.version import __version__
 
 SCHEMA = "rw_ekf.fleet_diagnoses/1"
 _NAMED = 5  # wheels in a line of text; the document has all

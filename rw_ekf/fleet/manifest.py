@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from rw_ekf import __version__
 from rw_ekf.fleet.plan import PlannedLog
 from rw_ekf.fleet.task import Record
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.plain_file import append_line, json_of
+from rw_ekf.version import __version__
 
 
 @dataclass(frozen=True)

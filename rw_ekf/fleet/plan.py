@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.folder import part_path
 from rw_ekf.fleet.index import FleetIndex, FleetLog
+from rw_ekf.version import __version__
 
 if TYPE_CHECKING:
     from rw_ekf.logs.column_map import ColumnMap

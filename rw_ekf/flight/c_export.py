@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rw_ekf import __version__
 from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.c_files import header, printed, source
@@ -15,6 +14,7 @@ from rw_ekf.flight.recorded import SAMPLES, recorded
 from rw_ekf.flight.self_test import self_test
 from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.starting_point import FilterSetup
+from rw_ekf.version import __version__
 
 EXPORT_SCHEMA = "rw_ekf.export_model/1"
 FILES = ("rw_ekf.h", "rw_ekf.c", "test_rw_ekf.c", "Makefile", "README.md")

@@ -6,10 +6,10 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Literal
 
-from rw_ekf import __version__
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.state import STATE_UNITS
+from rw_ekf.version import __version__
 
 Version = Literal[2, 3]
 # Value references, as `model.h` hands them to the C; parameters follow STATE in the order of the state.

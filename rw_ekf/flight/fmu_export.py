@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rw_ekf import __version__
 from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight import fmu_description as at
@@ -22,6 +21,7 @@ from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.law import MOST_COLUMNS
+from rw_ekf.version import __version__
 
 FMU_SCHEMA = "rw_ekf.export_fmu/1"
 _GLUE = Path(__file__).parent / "fmu"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf import __version__
 from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.matlab_functions import SMALL_FUNCTIONS, Functions, number
@@ -20,6 +19,7 @@ from rw_ekf.model.effect import REFERENCE_DEGC, Term
 from rw_ekf.model.effect_kinds import DelayEffect, FormulaEffect, StaticEffect, WindowEffect
 from rw_ekf.model.friction import friction
 from rw_ekf.model.law import KINDS, MOST_COLUMNS, sums_of
+from rw_ekf.version import __version__
 from rw_ekf.wheel.dispatch import CURRENT_EFFECTS, MEMORY_EFFECTS
 from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.pieces import _HELD, _LAG_STEPS, _LEAST_SHAPE

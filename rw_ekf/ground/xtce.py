@@ -10,9 +10,9 @@ import struct
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from rw_ekf import __version__
 from rw_ekf.driver import WireCrc, WireItem, WirePacket
 from rw_ekf.ground.ranges import bits_of, is_plain, number_text, range_of
+from rw_ekf.version import __version__
 
 NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
 _SCHEMA = f"{NAMESPACE} https://www.omg.org/spec/XTCE/20180204/SpaceSystem.xsd"

@@ -8,7 +8,6 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from rw_ekf import __version__
 from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Commander, commander_of
 from rw_ekf.driver import WheelProtocol
@@ -36,6 +35,7 @@ from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.units import rad_s_from_rpm
+from rw_ekf.version import __version__
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.plain_file import write_whole
+from rw_ekf.version import __version__
 
 _NEW = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _LIBRARY = f"rw_ekf {__version__}"

@@ -6,7 +6,6 @@ import contextlib
 from datetime import datetime
 from typing import Any
 
-from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.mcap_file import GrowingMcap
 from rw_ekf.logs.metadata import metadata_path
@@ -16,6 +15,7 @@ from rw_ekf.sinks.log import PartSize
 from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.recorders.tick_record import SAMPLE_FIELDS, Field, TickRecord, TickRecords, estimate_fields
 from rw_ekf.sinks.run_context import RunContext
+from rw_ekf.version import __version__
 
 NEEDS = ("mcap.writer", "zstandard")
 SAMPLE, ESTIMATE, EVENT = "/wheel/sample", "/wheel/estimate", "/wheel/event"

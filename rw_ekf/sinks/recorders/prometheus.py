@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.model.state import STATE_NAMES
 from rw_ekf.records import Estimate, LinkState, Outcome, RunState, Tick, WheelSample
@@ -16,6 +15,7 @@ from rw_ekf.sinks.recorders.text_server import TextServer
 from rw_ekf.sinks.recorders.tick_record import TickRecords
 from rw_ekf.sinks.run_context import RunContext
 from rw_ekf.statistics import LATE_BOUNDS_MS
+from rw_ekf.version import __version__
 
 NEEDS = ()
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
