@@ -11,10 +11,10 @@ from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.identify.misread import Motion, motion_of, warnings_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.column_guess import guess_columns
-from rw_ekf.logs.column_map import ColumnMap, load_column_map
+from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_records import Guess, Line
 from rw_ekf.logs.map_text import comment, map_of_guess, map_text
-from rw_ekf.logs.reader import log_of_table, read_table
+from rw_ekf.logs.reader import log_of_table, map_of, read_table
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.shown import Shown
 
@@ -105,7 +105,7 @@ def guessed_columns(
     path: str | Path, answers: Mapping[str, str], given: ColumnMap | str | Path | None
 ) -> GuessedColumns:
     """Guess the map of a log. given: how it is laid out, in a map without columns. Raises LogError, ConfigError."""
-    layout = given if isinstance(given, ColumnMap) else load_column_map(given) if given else ColumnMap()
+    layout = map_of(given)
     table = read_table(Path(path), layout)
     guess = guess_columns(table, dict(answers))
     warnings = tuple(table.warnings)

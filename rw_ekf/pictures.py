@@ -50,7 +50,8 @@ def run_figure(
     time_s = time_s - (time_s[0] if time_s.size else 0.0)
     figure = Figure(figsize=(10, 13))
     axes = figure.subplots(6, 1, sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
-    draw_speed(axes[0], time_s, log, columns, wheel_units=wheel_units)
+    estimate = np.asarray(columns["speed_rad_s"]) if "speed_rad_s" in columns else None
+    draw_speed(axes[0], time_s, log.speed_rad_s, log.current_A, estimate, wheel_units=wheel_units)
     _draw_innovation(axes[1], time_s, columns, wheel_units=wheel_units)
     for axis, name in zip(axes[2:], PARAMETER_NAMES, strict=True):
         _draw_parameter(axis, time_s, columns, name, None if truth is None else truth.get(name))

@@ -30,10 +30,10 @@ from rw_ekf.foreign_columns import GuessedColumns, doubted, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate
-from rw_ekf.logs.column_map import ColumnMap, load_column_map
+from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.excerpt import read_log_or_excerpt
 from rw_ekf.logs.joined import one_log
-from rw_ekf.logs.reader import read_columns, read_log
+from rw_ekf.logs.reader import map_of, read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.one_thread import one_thread
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
@@ -70,8 +70,7 @@ def read(
     """
     taken = columns.column_map if isinstance(columns, GuessedColumns) else columns
     if wheel is not None:
-        given = load_column_map(taken) if isinstance(taken, str | Path) else taken or ColumnMap()
-        taken = replace(given, wheel=str(wheel))
+        taken = replace(map_of(taken), wheel=str(wheel))
     log = read_log(source, taken) if isinstance(source, str | Path) else read_columns(source, taken)
     guessed = columns is None and any(source.column != name for name, source in log.sources.items())
     return doubted(log) if guessed else log

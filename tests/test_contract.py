@@ -12,7 +12,7 @@ from rw_ekf.cli import build_parser
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.log_replay import REASONS
-from rw_ekf.logs.wheel_log import LOG_COLUMNS
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.writer import estimate_columns
 from rw_ekf.model.state import STATE_NAMES, STATE_UNITS
 from rw_ekf.settings.resources import config_resource

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.log_replay import replay_log
-from rw_ekf.logs.column_map import load_column_map
+from rw_ekf.logs.column_map_file import load_column_map
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.resources import config_resource

@@ -31,13 +31,12 @@ def execute(args: argparse.Namespace) -> int:
         return _export_map(args)
     from rw_ekf.commands.inputs import read_logs, refuse_to_overwrite
     from rw_ekf.json_output import print_json
-    from rw_ekf.logs.export import export_log
     from rw_ekf.logs.tables import check_suffix
 
     check_suffix(args.out)
     refuse_to_overwrite([args.out], [args.log, args.columns])
     (log,) = read_logs([args.log], args.columns)
-    export_log(log, args.out)
+    log.save(args.out)
     for text in log.warnings:
         sys.stderr.write(f"warning: {text}\n")
     if args.json:

@@ -185,7 +185,8 @@ def tell_of_log(log: WheelLog | LongLog) -> None:
 
 def read_column_map(columns: str | None) -> ColumnMap:
     """The column map that is named, or that of a log's own names. Raises ConfigError."""
-    from rw_ekf.logs.column_map import ColumnMap, load_column_map
+    from rw_ekf.logs.column_map import ColumnMap
+    from rw_ekf.logs.column_map_file import load_column_map
 
     if columns is None:
         return ColumnMap()

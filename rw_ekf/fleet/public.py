@@ -152,7 +152,7 @@ def settings_of(
     model: str | Path | None, configuration: Configuration | str | Path | None, columns: str | Path | None
 ) -> FleetSettings:
     """What every log is read and filtered with, from files or values. Raises Error."""
-    from rw_ekf.logs.column_map import load_column_map
+    from rw_ekf.logs.column_map_file import load_column_map
     from rw_ekf.settings.load import load_configuration
 
     given = load_configuration(configuration) if isinstance(configuration, str | Path) else configuration

@@ -11,6 +11,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.log_columns import CHANNELS
 from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.raw_table import RawTable
@@ -26,7 +27,7 @@ from rw_ekf.logs.row_rules import (
     segment_ids,
     spread_stamps,
 )
-from rw_ekf.logs.wheel_log import CHANNELS, Drive, WheelLog
+from rw_ekf.logs.wheel_log import Drive, WheelLog
 from rw_ekf.units import rad_s_from_rpm
 
 MAX_SKIPPED_SHARE = 0.01

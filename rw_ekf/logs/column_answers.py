@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_records import Guess
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _SHORT = {
     "time": "time_s",

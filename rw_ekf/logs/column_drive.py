@@ -12,7 +12,7 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_names import Role
 from rw_ekf.logs.column_records import Column, Guess, Line, chosen
 from rw_ekf.logs.column_units import unit_of
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 
 _AMPERES = (0.02, 20.0)  # largest current that, with decimals and no unit, is in amperes: less moves no motor
 _FED = ("supply", "battery", "batt", "bus", "netzteil", "versorgung", "alimentation", "alim", "fuente")

@@ -24,10 +24,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
-
-from rw_ekf.logs.csv_table import CsvLayout
 
 MatlabLayout = Literal["columns", "rows", "cells"]
 Repeats = Literal["refuse", "drop", "spread"]
@@ -60,6 +57,25 @@ class Source:
 
 
 @dataclass(frozen=True)
+class CsvLayout:
+    """How the text is laid out, as far as it was told; None: found out, if it is not as this program writes it.
+
+    `header` None: there is one unless the first row holds numbers only.
+    """
+
+    delimiter: str | None = None
+    skip_rows: int = 0  # physical lines before the header
+    header: bool | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+
+    @property
+    def separator(self) -> str:
+        """The delimiter of a text that is not laid out in another way."""
+        return self.delimiter or ","
+
+
+@dataclass(frozen=True)
 class ColumnMap:
     """A checked mapping file. `sources` has a key for each log column that the file maps."""
 
@@ -82,14 +98,6 @@ class ColumnMap:
         """Whether a source takes the numbers of the column with this number or name; a direction may be in words."""
         taken = [source.column for source in self.sources.values()]
         return any(column == number or (bool(name) and column == name) for column in taken if column is not None)
-
-
-def load_column_map(path: str | Path) -> ColumnMap:
-    """Read and check a mapping file. Raises ConfigError with one finding per mistake."""
-    from rw_ekf.checking.yaml_loader import load_yaml
-    from rw_ekf.logs.column_map_file import column_map_from
-
-    return column_map_from(load_yaml(path))
 
 
 def as_written(value: object) -> str:

@@ -12,11 +12,10 @@ from pydantic import Field as Key
 from rw_ekf.checking.findings import checked
 from rw_ekf.checking.section import NOT_NULL, Mistake, Section, refuse
 from rw_ekf.checking.wording import shown
-from rw_ekf.checking.yaml_loader import YamlDocument
-from rw_ekf.logs.column_map import ColumnMap, MatlabLayout, Repeats, Source
+from rw_ekf.checking.yaml_loader import YamlDocument, load_yaml
+from rw_ekf.logs.column_map import ColumnMap, CsvLayout, MatlabLayout, Repeats, Source
 from rw_ekf.logs.column_units import OF_COLUMN, Unit, unit_of, units_known
-from rw_ekf.logs.csv_table import CsvLayout
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 
 
 def _a_column(value: Any) -> Any:
@@ -180,6 +179,11 @@ class _Options(Section):
 _Mapped = Annotated[_Entry, BeforeValidator(_long_form), AfterValidator(_fits)]
 _MAPPED: dict[str, Any] = dict.fromkeys(READABLE_COLUMNS, (_Mapped, None))
 _MapFile = create_model("_MapFile", __base__=_Options, **_MAPPED)
+
+
+def load_column_map(path: str | Path) -> ColumnMap:
+    """Read and check a mapping file. Raises ConfigError with one finding per mistake."""
+    return column_map_from(load_yaml(path))
 
 
 def column_map_from(document: YamlDocument) -> ColumnMap:

@@ -13,9 +13,9 @@ from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
 from rw_ekf.logs.column_units import Unit, habitual_unit, unit_among, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.labels import owner_of
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.odd_columns import mark_of_missing, unsigned_turn
 from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _HIGHER_IS_BACKWARD = re.compile(
     r"\b1\s*[=:]\s*[^;,]*?,?[^;]*?(n[eé]g|ccw|backw|antihor|links|left|reverse)", re.IGNORECASE

@@ -6,15 +6,27 @@ import csv
 import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.column_map import CsvLayout
+from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
-if TYPE_CHECKING:
-    from rw_ekf.logs.csv_table import CsvFile
-
 _MAX_SHOWN = 40  # characters of a bad cell in a message
+
+
+@dataclass(frozen=True)
+class CsvFile:
+    """A CSV file whose header has been read."""
+
+    text: LogText
+    layout: CsvLayout
+    names: tuple[str, ...]
+    has_header: bool
+    first_line: int  # physical line (from 1) where the data start
+    numeric: tuple[bool, ...]  # columns that must hold numbers
 
 
 def read_slowly(file: CsvFile, name: str) -> RawTable:

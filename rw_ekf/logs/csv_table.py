@@ -7,12 +7,13 @@ import io
 import itertools
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import EmptyLogError, LogError
-from rw_ekf.logs import csv_slow
+from rw_ekf.logs.column_map import CsvLayout
+from rw_ekf.logs.csv_slow import CsvFile, place_finder, read_slowly
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
@@ -36,37 +37,6 @@ _SHOWN = 60  # characters of a line that is quoted
 _SOME_WORDS = re.compile(rb"[A-Za-z]{3,}[^A-Za-z]+[A-Za-z]{3,}")
 _LAST_BYTES = 400  # of a text, in which a line of words may stand below the rows
 _A_NAME = 8  # characters: a shorter line may come again by chance
-
-
-@dataclass(frozen=True)
-class CsvLayout:
-    """How the text is laid out, as far as it was told; None: found out, if it is not as this program writes it.
-
-    `header` None: there is one unless the first row holds numbers only.
-    """
-
-    delimiter: str | None = None
-    skip_rows: int = 0  # physical lines before the header
-    header: bool | None = None
-    decimal: str | None = None
-    encoding: str | None = None
-
-    @property
-    def separator(self) -> str:
-        """The delimiter of a text that is not laid out in another way."""
-        return self.delimiter or ","
-
-
-@dataclass(frozen=True)
-class CsvFile:
-    """A CSV file whose header has been read."""
-
-    text: LogText
-    layout: CsvLayout
-    names: tuple[str, ...]
-    has_header: bool
-    first_line: int  # physical line (from 1) where the data start
-    numeric: tuple[bool, ...]  # columns that must hold numbers
 
 
 def read_csv_table(
@@ -194,25 +164,30 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
 def _read_plain(
     text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
 ) -> RawTable:
-    names, has_header, first_line, first_row = _header(text, layout, name_shown)
-    stamps = _stamps(first_row, layout, len(names))
-    numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
-    file = CsvFile(text, layout, names, has_header, first_line, numeric)
+    file = _file_of(text, layout, must_be_numeric, name_shown)
     table = _fast(file)
     if table is None:
-        read = csv_slow.read_slowly(file, name_shown)
+        read = read_slowly(file, name_shown)
     elif table.num_rows == 0:
         raise EmptyLogError(
-            f"{name_shown}: {'has a header but no rows' if has_header else 'has no rows'}: nothing was logged"
+            f"{name_shown}: {'has a header but no rows' if file.has_header else 'has no rows'}: nothing was logged"
         )
     else:
-        read = RawTable(name_shown, names, list(table.columns), table.num_rows, csv_slow.place_finder(file))
+        read = RawTable(name_shown, file.names, list(table.columns), table.num_rows, place_finder(file))
     if text.torn is not None:
         read.warnings.append(
             f"{name_shown}: is a damaged or incomplete compressed file ({text.torn}); the {read.rows} rows before that "
             "were read"
         )
     return read
+
+
+def _file_of(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str) -> CsvFile:
+    """A file whose header has been read; a column that begins with a stamp need not hold numbers."""
+    names, has_header, first_line, first_row = _header(text, layout, name_shown)
+    stamps = _stamps(first_row, layout, len(names))
+    numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
+    return CsvFile(text, layout, names, has_header, first_line, numeric)
 
 
 def _fast(file: CsvFile) -> pa.Table | None:
@@ -261,13 +236,8 @@ def csv_in_parts(
     """
     if _other_layout(text, layout, must_be_numeric) is not None:
         return None
-    with text.open() as stream:
-        head = stream.read(_LOOKED_AT_BYTES)
-    names, has_header, first_line, first_row = _header(text, layout, name_shown)
-    stamps = _stamps(first_row, layout, len(names))
-    numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
-    file = CsvFile(text, layout, names, has_header, first_line, numeric)
-    size, a_row = text.path.stat().st_size, len(head) / max(head.count(b"\n") - first_line + 1, 1)
+    head, file = _head_of(text), _file_of(text, layout, must_be_numeric, name_shown)
+    size, a_row = text.path.stat().st_size, len(head) / max(head.count(b"\n") - file.first_line + 1, 1)
     block = min(int(_ROWS_AT_ONCE * a_row), _MOST_BLOCK_BYTES)
     return InParts(int(size / a_row), lambda: _tables(file, name_shown, block, with_others))
 
@@ -278,7 +248,7 @@ def _tables(file: CsvFile, name_shown: str, block_bytes: int, with_others: bool)
     import pyarrow.csv as pa_csv
 
     read, parse, convert = _arrow_options(file, block_bytes, guessing=with_others)
-    place, first = csv_slow.place_finder(file), 0
+    place, first = place_finder(file), 0
     try:
         with file.text.for_arrow() as text, pa_csv.open_csv(text, read, parse, convert) as reader:
             for batch in reader:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from rw_ekf.arrays import Float64Array
 from rw_ekf.console import printable
 from rw_ekf.drawing import picture
 from rw_ekf.units import RAD_S_PER_RPM
@@ -14,36 +12,42 @@ from rw_ekf.units import RAD_S_PER_RPM
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rw_ekf.logs.wheel_log import WheelLog
-
 BLUE, RED, GREY = "#1f5fa8", "#c0392b", "#8a8f98"
 
 
 @picture
-def log_figure(log: WheelLog) -> Figure:
-    """Draw what a log holds: speed and current over time."""
+def log_figure(
+    name: str, time_s: Float64Array, speed_rad_s: Float64Array, current_A: Float64Array, *, in_rpm: bool
+) -> Figure:
+    """Draw what a log holds: speed and current (n,) over time."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4))
     axis = figure.subplots()
-    draw_speed(axis, log.time_s - log.time_s[0], log, {}, wheel_units=log.in_rpm)
+    draw_speed(axis, time_s - time_s[0], speed_rad_s, current_A, None, wheel_units=in_rpm)
     axis.set_xlabel("time [s]")
-    figure.suptitle(printable(log.name), fontsize=12)
+    figure.suptitle(printable(name), fontsize=12)
     figure.tight_layout()
     return figure
 
 
-def draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
-    """Draw what was measured, the current, and an estimate where `columns` have one."""
+def draw_speed(
+    axis: Any,
+    time_s: Float64Array,
+    speed_rad_s: Float64Array,
+    current_A: Float64Array,
+    estimate_rad_s: Float64Array | None,
+    *,
+    wheel_units: bool,
+) -> None:
+    """Draw what was measured, the current, and an estimate where there is one; all (n,)."""
     unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
-    measured = log.speed_rad_s / scale
-    axis.plot(time_s, measured, ".", ms=2, color=GREY, label="measured")
-    if "speed_rad_s" in columns:
-        axis.plot(time_s, np.asarray(columns["speed_rad_s"]) / scale, lw=1.0, color=BLUE, label="estimate")
+    axis.plot(time_s, speed_rad_s / scale, ".", ms=2, color=GREY, label="measured")
+    if estimate_rad_s is not None:
+        axis.plot(time_s, estimate_rad_s / scale, lw=1.0, color=BLUE, label="estimate")
     axis.set_ylabel(f"speed [{unit}]")
     current = axis.twinx()
-    drive = 1e3 * log.current_A if wheel_units else log.current_A
-    current.step(time_s, drive, where="post", lw=0.7, color=RED, alpha=0.45)
+    current.step(time_s, 1e3 * current_A if wheel_units else current_A, where="post", lw=0.7, color=RED, alpha=0.45)
     current.set_ylabel("current [mA]" if wheel_units else "drive", color=RED)
     legend(axis)
 

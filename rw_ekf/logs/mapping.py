@@ -12,10 +12,10 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
 from rw_ekf.logs.column_records import said_in_columns
 from rw_ekf.logs.column_words import BACKWARD, FORWARD
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.odd_columns import faults_of_column
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.row_rules import segment_ids, unwrapped
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
 
 

@@ -11,8 +11,8 @@ from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.labels import unit_and_remark
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _ROWS_AT_ONCE = 1 << 15  # their columns and what a filter leaves of them fit into the processor's cache
 _BUFFER_BYTES = 1 << 20  # of each column: a row group may be larger than the memory

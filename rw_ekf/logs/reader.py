@@ -14,7 +14,7 @@ import numpy as np
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.assembly import Assembly
 from rw_ekf.logs.column_guess import needs_guess
-from rw_ekf.logs.column_map import ColumnMap, load_column_map
+from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.interleaved import widened
 from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
@@ -35,7 +35,7 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
     Raises LogError (file, line, column, what to do) if the log cannot be used, ConfigError if the map is wrong.
     A log of one row, or without a single speed, is an error only for who needs more: it is read, with a warning.
     """
-    column_map = _map_of(columns)
+    column_map = map_of(columns)
     return _log_of_any(read_table(Path(path), column_map), column_map)
 
 
@@ -51,11 +51,18 @@ def read_columns(source: Any, columns: ColumnMap | str | Path | None = None, nam
                 f"a log is a path, a table or a mapping of names to arrays; found {type(source).__name__} ({error})"
             ) from None
         source = {str(key): column for key, column in zip(table.column_names, table.columns, strict=True)}
-    return _log_of_any(_table_of(source, name), _map_of(columns))
+    return _log_of_any(_table_of(source, name), map_of(columns))
 
 
-def _map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
-    return columns if isinstance(columns, ColumnMap) else load_column_map(columns) if columns else ColumnMap()
+def map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
+    """A column map, or the one at a path; that of a log's own names for none. Raises ConfigError."""
+    if isinstance(columns, ColumnMap):
+        return columns
+    if not columns:
+        return ColumnMap()
+    from rw_ekf.logs.column_map_file import load_column_map
+
+    return load_column_map(columns)
 
 
 def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
@@ -87,9 +94,9 @@ def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
     return Assembly(columns).whole(table)
 
 
-def log_of_arrays(columns: Mapping[str, Any], name: str = "arrays", column_map: ColumnMap | None = None) -> WheelLog:
+def log_of_arrays(columns: Mapping[str, Any], name: str) -> WheelLog:
     """A log of columns in memory (name -> n values) of a log's own names. Raises LogError as `read_log`."""
-    return log_of_table(_table_of(columns, name), column_map or ColumnMap())
+    return log_of_table(_table_of(columns, name), ColumnMap())
 
 
 def _table_of(columns: Mapping[str, Any], name: str) -> RawTable:

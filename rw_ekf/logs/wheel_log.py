@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.raw_table import taken
+from rw_ekf.logs.tables import table_of, write_table
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -22,16 +24,8 @@ if TYPE_CHECKING:
     from rw_ekf.logs.long_log import LongLog
 
 _SHOWN_ROWS = 5
-Drive = Literal["current_command_A", "current_A", "constant"]
-
-# Order of the columns in every log this project writes; a reader takes them in any order.
-LOG_COLUMNS = (
-    "time_s", "speed_rad_s", "current_command_A", "current_A", "command_delay_s", "segment", "temperature_degC",
-    "pressure_Pa", "bus_voltage_V", "angle_rad", "status",
-)  # fmt: skip
-CHANNELS = (*LOG_COLUMNS[2:4], *LOG_COLUMNS[6:])  # all but the time, the speed and what orders the rows
 _FURTHER = ("bus_voltage_V", "pressure_Pa")
-READABLE_COLUMNS = (*LOG_COLUMNS, "speed_rpm")  # what a reader understands; anything else is carried along
+Drive = Literal["current_command_A", "current_A", "constant"]
 
 
 @dataclass(eq=False, frozen=True, repr=False)
@@ -80,18 +74,32 @@ class WheelLog:
         return log_of_arrays({"time_s": time_s, **columns}, name)
 
     @property
-    def table(self) -> pa.Table:
-        """The log as a pyarrow Table, which pandas and polars take; its columns are those of `export`."""
-        from rw_ekf.logs.export import log_columns
-        from rw_ekf.logs.tables import table_of
+    def _columns(self) -> dict[str, Any]:
+        """Its columns in the fixed order, then the unknown ones; those that say nothing are left out.
 
-        return table_of(log_columns(self))
+        The raw currents are as the log has them, gaps included: reading holds them again.
+        """
+        columns: dict[str, Any] = {"time_s": self.time_s, "speed_rad_s": self.speed_rad_s, **self.channels}
+        if self.drive not in self.channels:
+            columns["current_command_A"] = self.current_A
+        if (self.command_delay_s != 0.0).any():
+            columns["command_delay_s"] = self.command_delay_s
+        if len(self) and self.segment[-1] > 0:
+            columns["segment"] = self.segment
+        ordered = {name: columns[name] for name in LOG_COLUMNS if name in columns}
+        return ordered | {name: values for name, values in self.other.items() if name not in ordered}
+
+    @property
+    def table(self) -> pa.Table:
+        """The log as a pyarrow Table, which pandas and polars take."""
+        return table_of(self._columns)
 
     def save(self, path: str | Path) -> None:
-        """Write it: CSV, Parquet or MATLAB by suffix. Raises BadInputError."""
-        from rw_ekf.logs.export import export_log
+        """Write it: CSV, Parquet or MATLAB by suffix, all or nothing; what is read back is the same log.
 
-        export_log(self, path)
+        Raises BadInputError for another suffix or a place that cannot be written.
+        """
+        write_table(path, self._columns)
 
     def to_json(self) -> str:
         """The columns by name, as one JSON document; NaN is null."""
@@ -103,7 +111,7 @@ class WheelLog:
         """Speed and current over time, as a matplotlib figure."""
         from rw_ekf.logs.log_picture import log_figure
 
-        return log_figure(self)
+        return log_figure(self.name, self.time_s, self.speed_rad_s, self.current_A, in_rpm=self.in_rpm)
 
     def rows(self, chosen: slice | Int64Array) -> WheelLog:
         """Some of its rows, in their order."""

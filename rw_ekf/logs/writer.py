@@ -18,8 +18,8 @@ from typing import Self
 from zlib import crc32
 
 from rw_ekf.errors import BadInputError
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.sums import Block, note_block
-from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.plain_file import write_whole
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 

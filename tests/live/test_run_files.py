@@ -13,9 +13,9 @@ import yaml
 from rw_ekf.cli import main
 from rw_ekf.filter.belief import Belief
 from rw_ekf.log_replay import replay_log
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.logs.reader import read_log
-from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.sinks.run_files import RunFiles
 from rw_ekf.wheel.model_file import read_model

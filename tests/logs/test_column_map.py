@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 import rw_ekf
 from rw_ekf.errors import ConfigError, LogError
-from rw_ekf.logs.column_map import load_column_map
+from rw_ekf.logs.column_map_file import load_column_map
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.resources import config_directory

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.logs.column_map import load_column_map
+from rw_ekf.logs.column_map_file import load_column_map
 from rw_ekf.logs.formats import listed
 
 LIBRARIES = ("asammdf", "can", "cantools", "h5py", "mcap", "nptdms", "pandas", "python_calamine", "pyulog", "rosbags")

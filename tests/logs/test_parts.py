@@ -13,7 +13,6 @@ import pytest
 
 from rw_ekf.errors import BadInputError, EmptyLogError, LogError
 from rw_ekf.logs import reader
-from rw_ekf.logs.export import export_log
 from rw_ekf.logs.format import LogFormat
 from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.metadata import metadata_path
@@ -85,7 +84,7 @@ def test_parts_in_every_form_read_as_the_unrotated_log(run: Path, whole: WheelLo
     with gzip.open(f"{second}.gz", "wb") as stream:
         stream.write(second.read_bytes())
     second.unlink()
-    export_log(read_log(third), third.with_suffix(".parquet"))
+    read_log(third).save(third.with_suffix(".parquet"))
     third.unlink()
     assert not run.exists()
     joined = read_log(run)

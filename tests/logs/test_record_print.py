@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rw_ekf.logs.export import export_log
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.record_print import made_of, print_of
 from rw_ekf.logs.wheel_log import WheelLog
@@ -27,7 +26,7 @@ def log_of(path: Path, seed: int, rows: int = 300) -> Path:
 def test_a_record_is_known_in_another_form_and_under_another_name(tmp_path: Path) -> None:
     """As Parquet, and longer: the same record; of another noise: another, whatever it is called."""
     log = read_log(log_of(tmp_path / "a.csv", 1))
-    export_log(log, tmp_path / "b.parquet")
+    log.save(tmp_path / "b.parquet")
     assert print_of(read_log(tmp_path / "b.parquet")) == print_of(log)
     assert print_of(read_log(log_of(tmp_path / "longer.csv", 2, 400))) != print_of(log)
     source = {"method": "filter", "log": "a.csv", "record": print_of(log)}

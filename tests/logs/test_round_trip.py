@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.atomic import atomic_path
-from rw_ekf.logs.export import export_log
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.tables import write_table
-from rw_ekf.logs.wheel_log import LOG_COLUMNS, Drive, WheelLog
+from rw_ekf.logs.wheel_log import Drive, WheelLog
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 MAYBE = FINITE | st.just(float("nan"))
@@ -64,7 +64,7 @@ def test_export_then_read_is_the_same_log(tmp_path: Path, suffix: str) -> None:
     @given(log=logs())
     def check(log: WheelLog) -> None:
         path = tmp_path / f"log{suffix}"
-        export_log(log, path)
+        log.save(path)
         again = read_log(path)
         for name in ("time_s", "speed_rad_s", "current_A", "command_delay_s"):
             assert same_bits(getattr(log, name), getattr(again, name)), name
@@ -81,7 +81,7 @@ def test_gaps_in_the_driving_current_survive(tmp_path: Path) -> None:
     """Proves that the raw column is exported, not the held one."""
     (tmp_path / "a.csv").write_text("time_s,speed_rad_s,current_command_A,extra\n0,1,2,x\n1,1,,y\n2,1,3,\n")
     log = read_log(tmp_path / "a.csv")
-    export_log(log, tmp_path / "b.csv")
+    log.save(tmp_path / "b.csv")
     again = read_log(tmp_path / "b.csv")
     assert np.isnan(again.channels["current_command_A"][1])
     assert again.current_A.tolist() == [2, 2, 3]
@@ -95,7 +95,7 @@ def test_a_constant_current_becomes_a_column(tmp_path: Path) -> None:
         name="made", time_s=np.arange(3.0), speed_rad_s=np.ones(3), current_A=np.zeros(3), drive="constant",
         command_delay_s=np.zeros(3), segment=np.zeros(3, dtype=np.int64)
     )  # fmt: skip
-    export_log(log, tmp_path / "b.parquet")
+    log.save(tmp_path / "b.parquet")
     again = read_log(tmp_path / "b.parquet")
     assert (again.current_A.tolist(), again.drive) == ([0, 0, 0], "current_command_A")
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.errors import BadInputError, ConfigError
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, read_metadata, utc_text, write_metadata
 from rw_ekf.logs.reader import read_log
-from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter, cell
 from rw_ekf.records import (
     Believed,

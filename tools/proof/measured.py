@@ -25,7 +25,7 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.column_map import load_column_map
+from rw_ekf.logs.column_map_file import load_column_map
 from rw_ekf.logs.reader import read_log
 from rw_ekf.settings.resources import config_resource
 from rw_ekf.units import rad_s_from_rpm

@@ -12,10 +12,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.row_rules import usual_step
 from rw_ekf.logs.vectors import vector_of
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.logs.which_wheel import of_wheel
 
 _SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere

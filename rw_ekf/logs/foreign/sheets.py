@@ -15,11 +15,11 @@ from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.csv_table import read_csv_table
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.header_rows import with_names
+from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.text_cells import CELL, TextLayout, split_cells
 from rw_ekf.logs.text_layout import NEARLY_ALL, layout_of
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote before 2007
 _ZIP = b"PK\x03\x04"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.json_output import finite
-from rw_ekf.logs.wheel_log import LOG_COLUMNS
+from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.writer import INNOVATION_COLUMNS, sample_values
 from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.records import Estimate, Outcome, StateNow, Tick, WheelSample
