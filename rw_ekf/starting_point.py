@@ -17,12 +17,13 @@ from rw_ekf.filter.belief import (
     with_prior_table,
 )
 from rw_ekf.filter.constants import FilterConstants, filter_constants
+from rw_ekf.model.bounds import ASSUMED
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.version import __version__
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
-from rw_ekf.wheel.model_file import ASSUMED, WheelModel
+from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 if TYPE_CHECKING:

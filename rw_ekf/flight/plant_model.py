@@ -8,12 +8,12 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.flight.exportable import reads, refuse_names
+from rw_ekf.model.bounds import ASSUMED
 from rw_ekf.model.effect_kinds import ReadingEffect, WindowEffect
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.effect_table import EffectSet, EffectTable
-from rw_ekf.wheel.model_file import ASSUMED
 
 # Variables of the FMU, fields of the parameters in MATLAB, and words that are no field there.
 _TAKEN = frozenset({

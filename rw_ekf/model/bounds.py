@@ -22,6 +22,7 @@ SPEED_NOISE_RAD_S = (1.0e-9, 1.0e4)
 ACCELERATION_NOISE = (0.0, 1.0e4)
 DRY_WALK = (0.0, 1.0e4)
 INERTIA_KG_M2 = (1.0e-12, 1.0e6)
+ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 LEAST_STD = 1.0e-12
 LEAST_EFFECT_STD = 1.0e-18  # cubic drag has coefficients of 1e-9 s/rad^2
 LEAST_RELATIVE_STD = 1.0e-9  # no estimate knows more digits: a model is not that right

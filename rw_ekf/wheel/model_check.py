@@ -18,6 +18,7 @@ from rw_ekf.checking.wording import suggestion
 from rw_ekf.effects.catalogue import CATALOGUE, CATALOGUE_IDS
 from rw_ekf.effects.own_effect import effect_of
 from rw_ekf.model import bounds as model_bounds
+from rw_ekf.model.bounds import ASSUMED
 from rw_ekf.model.effect import Coefficient, Effect, Shape, Term
 from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.model.friction import LAW_CODES
@@ -25,7 +26,6 @@ from rw_ekf.model.law import KINDS, MOST_COLUMNS, QUANTITIES, Law
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import number_of
 from rw_ekf.wheel.effect_table import EffectSet
-from rw_ekf.wheel.model_file import ASSUMED
 
 Matrix = tuple[tuple[float, ...], ...]
 

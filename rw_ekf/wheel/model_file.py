@@ -16,6 +16,7 @@ from rw_ekf.checking.wording import shown
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
+from rw_ekf.model.bounds import ASSUMED
 from rw_ekf.model.effect import Term
 from rw_ekf.model.effect_kinds import FormulaEffect
 from rw_ekf.model.law import Law
@@ -25,7 +26,6 @@ from rw_ekf.wheel.wheel_tag import WheelTag
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
-ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 
 
 @dataclass(frozen=True)

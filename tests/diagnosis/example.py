@@ -16,7 +16,8 @@ from scipy.signal import savgol_filter
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.diagnosis.outcome import ModelTrace
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters

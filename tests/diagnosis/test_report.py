@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
+from rw_ekf.diagnosis.outcome import ModelTrace
 from rw_ekf.diagnosis.report.binning import (
     binned_means,
     correlation_samples,
@@ -24,7 +25,7 @@ from rw_ekf.diagnosis.report.binning import (
 from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.report.write import write_report
-from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import PictureError
 from rw_ekf.numbers import number_text
 from tests.diagnosis.example import INERTIA_KG_M2, example, many_samples
@@ -84,7 +85,7 @@ def found() -> Diagnosis:
 def written(found: Diagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The directory of its report."""
     directory = tmp_path_factory.mktemp("report") / "new" / "dir"
-    paths = write_report(directory, found, inertia_kg_m2=INERTIA_KG_M2, wheel_units=True)
+    paths = write_report(directory, replace(found, inertia_kg_m2=INERTIA_KG_M2))
     assert {path.name for path in paths} == ALL_FILES
     return directory
 
@@ -94,7 +95,7 @@ def page_of(directory: Path) -> Page:
 
 
 def report(diagnosis: Diagnosis, directory: Path, inertia: float | None = INERTIA_KG_M2, *, wheel: bool = True) -> Page:
-    write_report(directory, diagnosis, inertia_kg_m2=inertia, wheel_units=wheel)
+    write_report(directory, replace(diagnosis, inertia_kg_m2=inertia, in_rpm=wheel))
     return page_of(directory)
 
 

@@ -16,8 +16,8 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.checks.lattice import Lattice, rounding_error
 from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
+from rw_ekf.diagnosis.outcome import ModelTrace
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.effects.catalogue import GRID, WANDERING
 from rw_ekf.likelihood.by_simulation import by_simulation
 from rw_ekf.likelihood.fitting import Fit

@@ -101,9 +101,10 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
 def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> WheelModel:
     """A fit as a file carries it on; of: what it was fitted to."""
     from rw_ekf.logs.record_print import print_of
+    from rw_ekf.model.bounds import ASSUMED
     from rw_ekf.model.friction import LAW_NAMES
     from rw_ekf.version import __version__
-    from rw_ekf.wheel.model_file import ASSUMED, WheelModel
+    from rw_ekf.wheel.model_file import WheelModel
 
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]

@@ -27,7 +27,7 @@ from rw_ekf.model.moment import Moment
 from rw_ekf.numbers import number_text
 
 if TYPE_CHECKING:
-    from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+    from rw_ekf.diagnosis.outcome import ModelTrace, Outcome
     from rw_ekf.wheel.model_file import WheelModel
 
 _LAW_POINTS = 400
@@ -58,7 +58,7 @@ class _Cause:
     correlation: float
 
 
-def cause_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
+def cause_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
     """A curve for each effect that was named and added; none for what is a function of nothing.
 
     Empty where there is no model before and after.
@@ -84,7 +84,7 @@ def cause_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
     return [*(curve for curve in curves if curve is not None), *law_curves(diagnosis, units)]
 
 
-def _lawful(cause: _Cause, after: ModelTrace, model: WheelModel, diagnosis: Diagnosis, units: Units) -> Curve | None:
+def _lawful(cause: _Cause, after: ModelTrace, model: WheelModel, diagnosis: Outcome, units: Units) -> Curve | None:
     """The law, and the measured points about it."""
     quantity = cause.quantity
     lever, sign, words = _lever(cause, diagnosis, units)
@@ -101,9 +101,7 @@ def _lawful(cause: _Cause, after: ModelTrace, model: WheelModel, diagnosis: Diag
     )  # fmt: skip
 
 
-def _remembered(
-    cause: _Cause, before: ModelTrace, after: ModelTrace, diagnosis: Diagnosis, units: Units
-) -> Curve | None:
+def _remembered(cause: _Cause, before: ModelTrace, after: ModelTrace, diagnosis: Outcome, units: Units) -> Curve | None:
     """The residual without the effect, and by how much the model with it differs."""
     measured = before.residual_acceleration_rad_s2 / units.residual_scale
     law = measured - after.residual_acceleration_rad_s2 / units.residual_scale
@@ -143,7 +141,7 @@ def _acceleration(terms: tuple[Term, ...], model: WheelModel, place: _Place) -> 
     return total
 
 
-def _places(cause: _Cause, at: Float64Array, diagnosis: Diagnosis, units: Units) -> list[_Place]:
+def _places(cause: _Cause, at: Float64Array, diagnosis: Outcome, units: Units) -> list[_Place]:
     """The usual place, moved along the quantity that the effect is drawn against."""
     time = timeline(diagnosis.log.time_s)
     name, scale, zero = {
@@ -155,7 +153,7 @@ def _places(cause: _Cause, at: Float64Array, diagnosis: Diagnosis, units: Units)
     return [replace(cause.usual, **{name: float(zero + scale * x)}) for x in at]
 
 
-def _folded(quantity: Quantity, terms: tuple[Term, ...], diagnosis: Diagnosis) -> Quantity:
+def _folded(quantity: Quantity, terms: tuple[Term, ...], diagnosis: Outcome) -> Quantity:
     """Periods of a periodic effect laid over each other, where they are too many to be seen side by side."""
     if len(terms) != 1 or not issubclass(terms[0].effect, PeriodicEffect):
         return quantity
@@ -168,7 +166,7 @@ def _folded(quantity: Quantity, terms: tuple[Term, ...], diagnosis: Diagnosis) -
     return replace(quantity, label=label, x=np.mod(quantity.x, period), low=0.0, high=period, finest=True)
 
 
-def _lever(cause: _Cause, diagnosis: Diagnosis, units: Units) -> tuple[Float64Array, float, str]:
+def _lever(cause: _Cause, diagnosis: Outcome, units: Units) -> tuple[Float64Array, float, str]:
     """(n,) what a curve of one is in the residual of a sample, its sign at the usual place, and words for the curve."""
     speed, current, usual = diagnosis.log.speed_rad_s, diagnosis.log.current_A, cause.usual
     if cause.effect.acts_as == "drag":

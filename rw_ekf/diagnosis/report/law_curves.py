@@ -14,14 +14,14 @@ from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.effects.learned_law import QUANTITY_WORDS, WORDS
 
 if TYPE_CHECKING:
-    from rw_ekf.diagnosis.result import Diagnosis
+    from rw_ekf.diagnosis.outcome import Outcome
     from rw_ekf.model.effect import Term
     from rw_ekf.model.law import Law
 
 _POINTS = 300
 
 
-def law_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
+def law_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
     """A curve for each law of the model that the record asked for; none where nothing was added."""
     model, after = diagnosis.model, diagnosis.after
     if model is None or after is None:
@@ -32,7 +32,7 @@ def law_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
     return [curve for curve in curves if curve is not None]
 
 
-def _curve(term: Term, law: Law, diagnosis: Diagnosis, units: Units) -> Curve | None:
+def _curve(term: Term, law: Law, diagnosis: Outcome, units: Units) -> Curve | None:
     assert diagnosis.after is not None
     at = _along(law, diagnosis)
     if at is None:
@@ -58,7 +58,7 @@ def _curve(term: Term, law: Law, diagnosis: Diagnosis, units: Units) -> Curve | 
     )  # fmt: skip
 
 
-def _along(law: Law, diagnosis: Diagnosis) -> Float64Array | None:
+def _along(law: Law, diagnosis: Outcome) -> Float64Array | None:
     """The law's quantity at each sample, (n,); None where the log has none."""
     log = diagnosis.log
     speed, current = log.speed_rad_s, log.current_A
@@ -76,7 +76,7 @@ def _along(law: Law, diagnosis: Diagnosis) -> Float64Array | None:
     }.get(law.quantity, np.asarray(log.time_s, dtype=np.float64))
 
 
-def _lever(law: Law, diagnosis: Diagnosis) -> Float64Array:
+def _lever(law: Law, diagnosis: Outcome) -> Float64Array:
     """Acceleration by 1 of the law at each sample, (n,)."""
     assert diagnosis.model is not None
     speed, current = diagnosis.log.speed_rad_s, diagnosis.log.current_A
@@ -91,7 +91,7 @@ def _lever(law: Law, diagnosis: Diagnosis) -> Float64Array:
     }[law.acts_as]
 
 
-def _axis(law: Law, diagnosis: Diagnosis, units: Units) -> tuple[str, float, float]:
+def _axis(law: Law, diagnosis: Outcome, units: Units) -> tuple[str, float, float]:
     """Label of the quantity, SI of one unit of it, and where its zero is."""
     if law.quantity == "time":
         time = timeline(np.asarray(diagnosis.log.time_s, dtype=np.float64))

@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
-    from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+    from rw_ekf.diagnosis.outcome import ModelTrace, Outcome
 
 _MOST_BINS, _FEWEST_BINS = 28, 10
 _INDEPENDENT_IN_BIN = 30.0
@@ -36,7 +36,7 @@ class DrawnModel:
     trace: ModelTrace
 
 
-def models_of(diagnosis: Diagnosis) -> list[DrawnModel]:
+def models_of(diagnosis: Outcome) -> list[DrawnModel]:
     """Those there are; one that stands alone is red only where something is left in it."""
     before, after = diagnosis.before, diagnosis.after
     if before is None:
@@ -46,7 +46,7 @@ def models_of(diagnosis: Diagnosis) -> list[DrawnModel]:
     return found if after is None else [*found, DrawnModel("after", AFTER, "s", "-", after)]
 
 
-def correlation_of(diagnosis: Diagnosis) -> float:
+def correlation_of(diagnosis: Outcome) -> float:
     """Samples of the residual that count as one: the better model's noise is the noise of both."""
     rate_hz = diagnosis.log.rate_hz
     window = max(51, int(_STRUCTURE_WINDOW_S * rate_hz)) if np.isfinite(rate_hz) else 51
@@ -74,7 +74,7 @@ class Quantity:
         return binned_means(self.x, y, self.mask, np.linspace(self.low, self.high, bins + 1), correlation, lever)
 
 
-def quantities_of(diagnosis: Diagnosis, units: Units) -> list[Quantity]:
+def quantities_of(diagnosis: Outcome, units: Units) -> list[Quantity]:
     """What the residual is drawn against, in the report's units."""
     log, time = diagnosis.log, timeline(np.asarray(diagnosis.log.time_s, dtype=np.float64))
     everything = np.ones(len(log), dtype=bool)
@@ -103,7 +103,7 @@ def _ranged(title: str, label: str, x: Float64Array, mask: BoolArray) -> Quantit
     return Quantity(title, label, x, mask, float(low), float(high))
 
 
-def _low_speed(diagnosis: Diagnosis) -> float:
+def _low_speed(diagnosis: Outcome) -> float:
     """Up to where friction near rest matters [rad/s]: some Stribeck speeds, never more than a quarter of the range."""
     speed = np.abs(diagnosis.log.speed_rad_s)
     top = float(np.nanpercentile(speed, 99.0)) if np.isfinite(speed).any() else 0.0

@@ -17,7 +17,7 @@ from rw_ekf.drawing import picture
 from rw_ekf.effects.catalogue import CATALOGUE
 
 if TYPE_CHECKING:
-    from rw_ekf.diagnosis.result import Diagnosis
+    from rw_ekf.diagnosis.outcome import Outcome
 
 _MOST_POINTS = 3000
 
@@ -43,7 +43,7 @@ class ResidualView:
     heldout: BoolArray
 
 
-def residual_view(diagnosis: Diagnosis, units: Units) -> ResidualView | None:
+def residual_view(diagnosis: Outcome, units: Units) -> ResidualView | None:
     """The arrays of the picture, in the report's units; None without a residual."""
     models = models_of(diagnosis)
     if not models or len(diagnosis.log) == 0:

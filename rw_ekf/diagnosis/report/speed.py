@@ -19,7 +19,7 @@ from rw_ekf.drawing import picture
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rw_ekf.diagnosis.result import Diagnosis
+    from rw_ekf.diagnosis.outcome import Outcome
 
 _RUNNING_MEANS = 300  # so many fit into a record: what is beneath the noise of the readings
 _STRAYS = 99.7  # percentile of the errors that are shown
@@ -41,7 +41,7 @@ class SpeedCourse:
     heldout: BoolArray
 
 
-def speed_course(diagnosis: Diagnosis, units: Units) -> SpeedCourse:
+def speed_course(diagnosis: Outcome, units: Units) -> SpeedCourse:
     """The arrays of the picture, in the report's units."""
     log = diagnosis.log
     segments = np.diff(log.segment, prepend=log.segment[:1]) != 0

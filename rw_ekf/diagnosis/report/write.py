@@ -33,7 +33,7 @@ from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 from rw_ekf.numbers import number_text
 
 if TYPE_CHECKING:
-    from rw_ekf.diagnosis.result import Diagnosis
+    from rw_ekf.diagnosis.outcome import Outcome
 
 DOCUMENT, PAGE = "diagnosis.json", "report.html"
 _EARLIER = "evidence.png"  # as the evidence was drawn before: of an earlier run, and so removed
@@ -49,7 +49,7 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
 
 
 def page(
-    diagnosis: Diagnosis, pictures: Mapping[str, bytes], model: Path, units: Units, options: Sequence[str] = ()
+    diagnosis: Outcome, pictures: Mapping[str, bytes], model: Path, units: Units, options: Sequence[str] = ()
 ) -> str:
     """The whole HTML document.
 
@@ -96,23 +96,15 @@ def page(
     return rendered("report.html", values)
 
 
-def write_report(
-    directory: Path,
-    diagnosis: Diagnosis,
-    *,
-    inertia_kg_m2: float | None,
-    wheel_units: bool,
-    options: Sequence[str] = (),
-) -> list[Path]:
+def write_report(directory: Path, diagnosis: Outcome, options: Sequence[str] = ()) -> list[Path]:
     """Write everything into `directory`, each file whole or not at all, pictures last; returns what was written.
 
-    inertia_kg_m2: turns residuals into mNm; None: they stay accelerations. wheel_units: rpm and mA, otherwise plain SI.
     options: of the command line with which the log was read, for the commands that the page shows.
     What an earlier run left there and this one does not have (a model, a picture) is removed.
     Raises BadInputError if the place cannot be written, PictureError, after all else is, for pictures that cannot be
     drawn.
     """
-    units, document = Units(wheel_units, inertia_kg_m2), diagnosis.document()
+    units, document = Units(diagnosis.in_rpm, diagnosis.inertia_kg_m2), diagnosis.document()
     make_folder(directory)
     written = [directory / DOCUMENT]
     write_text(written[0], json_text(document))

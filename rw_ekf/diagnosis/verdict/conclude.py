@@ -19,7 +19,8 @@ from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
-from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.diagnosis.outcome import ModelTrace
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import GRID_GAINS
 from rw_ekf.diagnosis.verdict.document import document_of
