@@ -74,3 +74,8 @@ def chance_text(probability: float) -> str:
     if probability > 0.99:
         return "> 99 %"
     return "< 1 %" if probability < 0.01 else f"{100.0 * probability:.0f} %"
+
+
+def p_text(p: float) -> str:
+    """A probability that says how unlikely noise alone is, to one digit: "p = 2e-05"."""
+    return f"p = {max(p, 1.0e-99):.0e}"

@@ -7,6 +7,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from rw_ekf.numbers import p_text
 from rw_ekf.records import Estimate, Outcome
 from rw_ekf.units import rpm_from_rad_s
 
@@ -115,7 +116,7 @@ class RunStatistics:
             return None
         return (
             f"{self.rejected} of {tested} readings were rejected by the gate, where noise alone gives {expected:.2g} "
-            f"(p = {max(p, 1.0e-99):.0e}): bad readings, or a model or a noise that does not fit; they taught the "
+            f"({p_text(p)}): bad readings, or a model or a noise that does not fit; they taught the "
             "filter nothing. The rows marked `gate` in the output of `rw-ekf replay --out` show where."
         )
 

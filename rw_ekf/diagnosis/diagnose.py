@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.checks.confirmation import better_known
-from rw_ekf.diagnosis.checks.heldout import performance
+from rw_ekf.diagnosis.checks.heldout import FIGURES, performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
 from rw_ekf.diagnosis.hypotheses.left_behind import laws_left_behind
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
-from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
+from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
 
-Advance = Callable[[str], object]
 _EXCITE = "`rw-ekf excite identification --config F` drives the wheel through all that is needed (600 s)"
 
 
@@ -135,16 +134,7 @@ def _unjudged(source: Source, kind: Kind, why: str, advice: str | None = None) -
     """The verdict for a log that cannot judge even the base model; advice: what to do, if not to excite the wheel."""
     log = source.log
     split = split_record(log.time_s, log.segment, log.speed_rad_s, kind, 0.0)
-    nothing = dict.fromkeys(
-        (
-            "one_step_rms_rpm",
-            "horizon_1s_rms_rpm",
-            "horizon_20s_rms_rpm",
-            "free_run_rms_rpm",
-            "nis_mean",
-            "torque_rms_mNm",
-        )
-    )
+    nothing = dict.fromkeys(FIGURES)
     statement = f"{source.said_first}Cannot be judged: {why}."
     document = {
         "schema": SCHEMA,

@@ -6,7 +6,6 @@ where its parts can say it, and the filters of the models before and after go th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.investigate.found import Found, model_of_fit
 from rw_ekf.diagnosis.investigate.widths import with_open_stribeck_speed
+from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.verdict.document import base_parameters, described
 from rw_ekf.diagnosis.whole_fit import WholeFit, fitted_to_all
@@ -31,7 +31,7 @@ _WANDERS = 2.0
 _MOST_ROWS = 50_000_000  # a minute of processor time for both models; beyond, the stretches have to do
 
 
-def held_against_all(told: Diagnosis, found: Found, log: LongLog, advance: Callable[[str], object]) -> Diagnosis:
+def held_against_all(told: Diagnosis, found: Found, log: LongLog, advance: Advance) -> Diagnosis:
     """The diagnosis with its model fitted to all of the log, and what the filters miss over all of it."""
     if len(log) > _MOST_ROWS:
         return told

@@ -14,6 +14,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.tails import chi_square_tail
+from rw_ekf.numbers import p_text
 
 # Of all three together, so that a record is told at one in a million: noise that is a little uneven, as any real one
 # is, costs little. In the 8,000 readings that are judged at most, one sigma apart from the other is then 4 % of it.
@@ -50,7 +51,7 @@ def unevenness(white: Float64Array, speed_rad_s: Float64Array) -> str | None:
     most = int(np.argmax(np.abs(scores)))
     return (
         f"the noise of the readings is not the same throughout: it {_WORDS[most][int(scores[most] > 0.0)]} "
-        f"(p = {max(p_value, 1.0e-99):.0e}). The sigmas, which suppose one that is, are not to be relied upon."
+        f"({p_text(p_value)}). The sigmas, which suppose one that is, are not to be relied upon."
     )
 
 

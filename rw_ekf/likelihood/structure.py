@@ -74,6 +74,11 @@ def _slopes_away_from_rest(fit: Fit) -> tuple[Float64Array, Float64Array]:
     return (end(h) - end(-h)) / (2.0 * h), rows[:, COULOMB] + rows[:, STATIC]
 
 
+def where_begun(values: Float64Array) -> Float64Array:
+    """A quantity (n,) where the interval that leads to each sample began."""
+    return np.concatenate((values[:1], values[:-1]))
+
+
 def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Array:
     """Piecewise linear functions on `count` even knots from low to high, (n, count); constant beyond the ends."""
     knots = np.linspace(low, high, count)
@@ -157,7 +162,7 @@ def _regressors(fit: Fit) -> Float64Array:
     drive, dry = _slopes_away_from_rest(fit)
     record, model = fit.linearised.record, fit.model
     n = drive.size
-    speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
+    speed = where_begun(fit.trajectory.speed)
     size = np.abs(speed)
     top = max(float(np.quantile(size, 0.99)), 1.0e-9)
     current = record.course.mean_current_A

@@ -192,9 +192,8 @@ def healthy() -> tuple[dict[str, list[float]], list[float]]:
     for seed in range(40):
         record = record_of(simulated(seed=seed, profile="P2", samples=1500))
         fit = fitted(record)
-        everything = np.ones(record.follows.size, dtype=bool)
         sigma = math.sqrt(fit.noise.variance)
-        facts = facts_of(record.course, fit, everything, frozenset())
+        facts = facts_of(record.course, fit, frozenset())
         scorer = Scorer(fit)
         for name, score in scorer.best_of_each(facts, [CATALOGUE[name] for name in names]).items():
             statistics[name].append(score.statistic)
@@ -241,8 +240,7 @@ def test_process_noise_does_not_pass_for_an_effect() -> None:
     for seed in range(12):
         record = record_of(simulated(seed=1000 + seed, process_rpm=0.02))
         fit = fitted(record)
-        everything = np.ones(record.follows.size, dtype=bool)
-        facts = facts_of(record.course, fit, everything, frozenset())
+        facts = facts_of(record.course, fit, frozenset())
         scorer = Scorer(fit)
         score = scorer.best_of_each(facts, [CATALOGUE["offset_torque"]])["offset_torque"]
         statistics.append(score.statistic)

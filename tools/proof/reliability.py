@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rw_ekf.diagnosis.verdict.posterior import NONE, SOMETHING_ELSE
+from rw_ekf.diagnosis.verdict.explanations import NONE
+from rw_ekf.diagnosis.verdict.posterior import SOMETHING_ELSE
 from tools.proof.judge import Record
 from tools.proof.tables import Table
 

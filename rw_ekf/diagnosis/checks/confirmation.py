@@ -7,7 +7,7 @@ from typing import Any
 
 from rw_ekf.diagnosis.checks.cross_fit import expected_excess
 from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself
-from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance, performance_by_turns
+from rw_ekf.diagnosis.checks.heldout import ERRORS, by_fit_part, performance, performance_by_turns
 from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import (
@@ -27,12 +27,6 @@ from rw_ekf.model.effect_kinds import LawEffect
 
 Figures = dict[str, Any]
 
-_VETOED = (
-    ("one_step_rms_rpm", "one-step error"),
-    ("horizon_1s_rms_rpm", "error 1 s ahead"),
-    ("horizon_20s_rms_rpm", "error 20 s ahead"),
-    ("free_run_rms_rpm", "free-run error"),
-)
 _FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 
 
@@ -99,7 +93,7 @@ def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) 
 
 def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
     """Which held-out figure an effect makes worse, by more than a share, or NIS by more than a factor; in words."""
-    for key, words in _VETOED:
+    for key, words in ERRORS.items():
         old, new = before.get(key), after.get(key)
         if old and new and new > (1.0 + share) * old:
             return f"the {words} grows by {100.0 * (new / old - 1.0):.2g} %"

@@ -5,12 +5,10 @@ The figures are those of docs/contract.md#diagnosis.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
@@ -29,11 +27,20 @@ from rw_ekf.likelihood.one_step import Record
 from rw_ekf.model.state import COULOMB, SPEED
 from rw_ekf.units import rpm_from_rad_s
 
+# The errors of a prediction, as sentences call them.
+ERRORS = {
+    "one_step_rms_rpm": "one-step error",
+    "horizon_1s_rms_rpm": "error 1 s ahead",
+    "horizon_20s_rms_rpm": "error 20 s ahead",
+    "free_run_rms_rpm": "free-run error",
+}
+FIGURES = (*ERRORS, "nis_mean", "torque_rms_mNm")
 _TURNS = 6  # in which held-out stretches are left out: each takes a fit of its own
 _STARTS = 400  # of a horizon: more would add nothing but time
 _FEWEST = 30  # of a horizon: the root mean square of fewer is uncertain by an eighth, and refuses an effect by chance
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
 _STEPS_AT_MOST = 4_000_000
+_SETTLE_SAMPLES = 20
 
 
 @dataclass(eq=False, frozen=True)
@@ -167,6 +174,7 @@ def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Perfo
     if walk is not None:
         observed += np.sign(run.states[:, SPEED]) * (run.states[:, COULOMB] - model.parameters.coulomb)
     heldout = split.heldout
+    torque = None if inertia_kg_m2 is None else _rms(observed[heldout])
     variance = np.maximum(run.innovation_variance - noise.variance, 0.0)
     innovation = run.innovation_rad_s
     innovation = _missed(course.speed_rad_s, course.speed_rad_s - innovation, np.sqrt(variance), lattice)
@@ -178,7 +186,7 @@ def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Perfo
         "horizon_20s_rms_rpm": _rms_rpm(errors[20.0]),
         "free_run_rms_rpm": _rms_rpm(ran[heldout]),
         "nis_mean": _mean(run.nis[heldout]),
-        "torque_rms_mNm": None if inertia_kg_m2 is None else _scaled(_rms(observed[heldout]), 1e3 * inertia_kg_m2),
+        "torque_rms_mNm": None if inertia_kg_m2 is None or torque is None else 1e3 * inertia_kg_m2 * torque,
     }
     trace = ModelTrace(run.innovation_rad_s, free, observed, run.innovation_rad_s / np.sqrt(run.innovation_variance))
     return Performance(figures, trace, np.sqrt(variance))
@@ -192,26 +200,13 @@ def _missed(read: Float64Array, predicted: Float64Array, spread: Float64Array, l
 
 def _free_run(record: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:
     """Each stretch of the split simulated from its first filtered speed, (n,)."""
-    n = block.size
     continues = record.follows & (np.diff(block, prepend=block[:1]) == 0)
     first = np.flatnonzero(~continues)
+    last = np.append(first[1:], block.size) - 1
     # The filter itself begins with one reading: where a stretch opens the record, let it settle for some samples.
-    settle = _settling(states, record, first)
-    last = np.append(first[1:], n) - 1
+    settle = np.minimum(np.where(record.follows[first], first, first + _SETTLE_SAMPLES), last)
     run = free_run(record.course, model.effects, model.stribeck, states[settle], settle, last, keep_path=True)
     return run.path_rad_s
-
-
-def _settling(states: Float64Array, record: Record, first: NDArray[np.intp]) -> NDArray[np.intp]:
-    opens = ~record.follows[first]
-    n = states.shape[0]
-    wanted = np.where(opens, np.minimum(first + _SETTLE_SAMPLES, n - 1), first)
-    limit = np.append(first[1:], n) - 1
-    settled: NDArray[np.intp] = np.minimum(wanted, limit)
-    return settled
-
-
-_SETTLE_SAMPLES = 20
 
 
 def _horizon(
@@ -220,11 +215,10 @@ def _horizon(
     """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]; none of a few."""
     period = record.period_s
     steps = max(1, round(seconds / period))
-    run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
     inside = record.follows & heldout & np.roll(heldout, 1)
-    broken = np.flatnonzero(~inside)
     index = np.arange(heldout.size)
-    run = index - np.maximum.accumulate(np.where(np.isin(index, broken), index, 0))
+    # How many intervals in a row lead here within the held-out part.
+    run = index - np.maximum.accumulate(np.where(inside, 0, index))
     ends = np.flatnonzero((run >= steps) & np.isfinite(record.course.speed_rad_s))
     most = max(10, min(_STARTS, _STEPS_AT_MOST // steps))
     if ends.size > most:
@@ -258,9 +252,9 @@ def _observed_acceleration(record: Record, model: Model, noise: Noise, base: Fit
     return np.where(moves, lacking / step, np.nan)
 
 
-def _rms(values: Float64Array) -> float:
+def _rms(values: Float64Array) -> float | None:
     found = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(found**2))) if found.size else math.nan
+    return float(np.sqrt(np.mean(found**2))) if found.size else None
 
 
 def _mean(values: Float64Array) -> float | None:
@@ -270,11 +264,7 @@ def _mean(values: Float64Array) -> float | None:
 
 def _rms_rpm(values: Float64Array) -> float | None:
     found = _rms(values)
-    return None if math.isnan(found) else rpm_from_rad_s(found)
-
-
-def _scaled(value: float, factor: float) -> float | None:
-    return None if math.isnan(value) else factor * value
+    return None if found is None else rpm_from_rad_s(found)
 
 
 def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:

@@ -20,7 +20,7 @@ from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.structure import hats, slopes_by_torque
+from rw_ekf.likelihood.structure import hats, slopes_by_torque, where_begun
 from rw_ekf.model.effect import RecordFacts
 
 Kind = Literal["drag", "torque", "torque along the current", "motor gain"]
@@ -58,7 +58,10 @@ class Cover:
 
         A regression leaves the rest open but for what is known beforehand: its sigma would be that of no curve.
         """
-        return self._without(self.followed)
+        weights = np.sum(self.regressors**2, axis=0)
+        scaled = self.followed / np.maximum(np.linalg.norm(self.followed, axis=0), 1.0e-300)
+        fitted: Float64Array = scaled @ np.linalg.pinv((scaled.T * weights) @ scaled) @ (scaled.T * weights)
+        return np.eye(weights.size) - fitted
 
     def smooth(self) -> Float64Array:
         """Regressors (n, j) of smooth curves, independent of each other, the smoothest first.
@@ -67,18 +70,11 @@ class Cover:
         """
         place = self.at[: self.functions.shape[1]] / max(float(np.ptp(self.at)), 1.0e-300)
         alike = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTHNESS) ** 2)
-        free = self._without(self.followed)
+        free = self.unfollowed()
         sizes, curves = np.linalg.eigh(free @ alike @ free.T)
         order = np.argsort(-sizes)
         order = order[sizes[order] > _LEAST_SMOOTH * sizes[order[0]]]
         return np.ascontiguousarray(self.regressors @ (curves[:, order] * np.sqrt(sizes[order])))
-
-    def _without(self, taken: Float64Array) -> Float64Array:
-        """Projection (m, m) of coefficients that takes the columns of `taken` (m, j) off by least squares."""
-        weights = np.sum(self.regressors**2, axis=0)
-        scaled = taken / np.maximum(np.linalg.norm(taken, axis=0), 1.0e-300)
-        fitted: Float64Array = scaled @ np.linalg.pinv((scaled.T * weights) @ scaled) @ (scaled.T * weights)
-        return np.eye(weights.size) - fitted
 
 
 def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
@@ -86,7 +82,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
     drive, dry = slopes_by_torque(fit)
     record = fit.linearised.record
     course = record.course
-    speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
+    speed = where_begun(fit.trajectory.speed)
     size, current, time = np.abs(speed), course.mean_current_A, course.time_s
     weak = np.abs(current)
 

@@ -27,7 +27,6 @@ _SAYS = {
     "nis_p": "its spread is not the same throughout, as of a sensor that is not always equally good",
     "periodogram_p": "it has a period",
 }
-_LEAST_TOLD = 1.0e-99
 _MOST_TESTED = 200_000
 
 
@@ -49,7 +48,7 @@ def left_over(fit: Fit) -> Float64Array:
 def failed_tests(tests: dict[str, Any]) -> dict[str, float]:
     """What `residual_tests` found that noise does not have, in words for each test, with its p; the least first."""
     failed = [(tests[key], words) for key, words in _SAYS.items() if tests[key] is not None]
-    return {words: max(p, _LEAST_TOLD) for p, words in sorted(failed) if p < tests["false_alarm"]}
+    return {words: p for p, words in sorted(failed) if p < tests["false_alarm"]}
 
 
 def residual_tests(white: Float64Array, *, rounded: bool = False) -> dict[str, Any]:

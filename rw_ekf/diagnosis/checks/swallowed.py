@@ -19,7 +19,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import at_ratio
 from rw_ekf.model.effect import RecordFacts
-from rw_ekf.numbers import number_text
+from rw_ekf.numbers import number_text, p_text
 from rw_ekf.units import rpm_from_rad_s
 
 _SIDED_P = 1.0e-3  # that readings far off lie so much more on one side
@@ -88,7 +88,7 @@ def _torque(fit: Fit, *, in_rpm: bool) -> Swallowed | None:
     moved = rpm_from_rad_s(math.sqrt(density)) if in_rpm else math.sqrt(density)
     return Swallowed(
         f"torque noise moves the speed by {number_text(moved, 2)} {'rpm' if in_rpm else 'rad/s (or m/s)'} in a second, "
-        f"{times:.0f} times what a wheel's usually does (p = {max(p, 1.0e-99):.0e}): a torque that comes and goes or a "
+        f"{times:.0f} times what a wheel's usually does ({p_text(p)}): a torque that comes and goes or a "
         "friction that jumps, may hide in it; a long record at one speed would show it as steps",
         p, True,
     )  # fmt: skip
@@ -105,9 +105,7 @@ def _tails(fit: Fit) -> Swallowed | None:
         return None
     ahead = float(np.mean(white[far] * fit.trajectory.speed[far] > 0.0))
     share = 100.0 * count / int(known.sum())
-    words = (
-        f"{number_text(share, 2)} % of the readings lie further than {FAR_OFF:g} sigma off (p = {max(p, 1e-99):.0e})"
-    )
+    words = f"{number_text(share, 2)} % of the readings lie further than {FAR_OFF:g} sigma off ({p_text(p)})"
     if 2.0 * math.exp(-2.0 * count * (ahead - 0.5) ** 2) >= _SIDED_P:  # Hoeffding's bound on even odds
         return Swallowed(f"{words}, on either side: their noise has long tails, and no sigma tells it whole", p, False)
     way = "ahead of" if ahead > 0.5 else "behind"

@@ -22,11 +22,12 @@ from rw_ekf.diagnosis.thresholds import NOISE_P
 from rw_ekf.filter.consistency import skewed_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.profile import LEAST_RATIO
+from rw_ekf.likelihood.structure import where_begun
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import whitening_units
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
-from rw_ekf.numbers import number_text
+from rw_ekf.numbers import number_text, p_text
 from rw_ekf.units import RAD_S_PER_RPM
 
 Along = Literal["speed", "current", "direction"]
@@ -87,6 +88,7 @@ class NoiseFinding:
             "noise_unit": noise_unit,
             "times": self.times,
             "p_value": self.p_value,
+            "sentence": self.sentence(in_rpm=in_rpm),
         }
 
     def sentence(self, *, in_rpm: bool) -> str:
@@ -101,14 +103,14 @@ class NoiseFinding:
                 number_text(x / (RAD_S_PER_RPM if in_rpm else 1.0), 2) for x in (self.inside, self.elsewhere)
             )
             sentence = f"readings are off by {inside} {unit} {where}, and by {elsewhere} elsewhere"
-            return f"{sentence} (p = {max(self.p_value, 1.0e-99):.0e})"
+            return f"{sentence} ({p_text(self.p_value)})"
         if self.times is not None:
             sentence = f"torque noise is {number_text(self.times, 2)} times larger {where} than elsewhere"
         else:
             size = self.inside / (RAD_S_PER_RPM if in_rpm else 1.0)
             moved = f"{number_text(size, 2)} {'rpm' if in_rpm else 'rad/s (or m/s)'}"
             sentence = f"torque noise moves the speed by {moved} in a second {where}, and hardly elsewhere"
-        return f"{sentence} (p = {max(self.p_value, 1.0e-99):.0e}): structure may hide in it"
+        return f"{sentence} ({p_text(self.p_value)}): structure may hide in it"
 
     def _unit(self, *, in_rpm: bool) -> tuple[str, float]:
         if self.along == "speed":
@@ -162,7 +164,7 @@ def _finding(
 def _windows(fit: Fit, facts: RecordFacts) -> tuple[list[Window], BoolArray]:
     """What is compared, and among which intervals (n,): none near rest, where a wheel breaks away early or late."""
     record = fit.linearised.record
-    began = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))
+    began = where_begun(fit.trajectory.speed)
     size, current = np.abs(began), np.abs(record.course.mean_current_A)
     rest = FAST_STRIBECK_SPEEDS * facts.stribeck_speed_rad_s
     used = record.follows & (size > rest) & (np.abs(fit.trajectory.speed) > rest)

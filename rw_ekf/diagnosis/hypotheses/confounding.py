@@ -18,7 +18,7 @@ from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.thresholds import IS_FUNCTION, IS_ONE, LEAST_KELVIN
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.structure import hats, slopes_by_torque
+from rw_ekf.likelihood.structure import hats, slopes_by_torque, where_begun
 from rw_ekf.model.effect import Effect, RecordFacts
 
 Quantity = Literal["speed", "time", "temperature"]
@@ -85,8 +85,7 @@ def smooth_regressors(fit: Fit, quantity: Quantity, *, with_gain: bool = False) 
     """
     drive, dry = slopes_by_torque(fit)
     record = fit.linearised.record
-    x = values_of(record, fit.trajectory.speed, quantity)
-    x = np.concatenate((x[:1], x[:-1]))  # where each interval began
+    x = where_begun(values_of(record, fit.trajectory.speed, quantity))
     shapes = hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
     parts = [dry[:, None] * shapes, drive[:, None] * shapes]
     if with_gain or quantity == "temperature":

@@ -6,7 +6,6 @@ A score ranks what is worth a fit and decides nothing; what a fit is worth is as
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.hypotheses.candidates import Score, p_value, threshold
@@ -15,6 +14,7 @@ from rw_ekf.diagnosis.hypotheses.event import fitted_at, fitted_event, settled_e
 from rw_ekf.diagnosis.hypotheses.other_starts import possible_fit
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
+from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.diagnosis.thresholds import MOST_EFFECTS, SIGNIFICANT_P, WORTH_A_FIT_P
 from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
@@ -35,7 +35,7 @@ class Search:
         self,
         record: Record,
         facts: RecordFacts,
-        advance: Callable[[str], object],
+        advance: Advance,
         *,
         stationary_first: bool = True,
     ) -> None:

@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.hypotheses.confounding import may_confound
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE, UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.structure import slopes_by_torque
+from rw_ekf.likelihood.structure import slopes_by_torque, where_begun
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import TURN, ActsAs, Law, Quantity
 
@@ -81,10 +81,7 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     course, follows = record.course, record.follows
     drive, dry = np.where(follows, drive, 0.0), np.where(follows, dry, 0.0)
 
-    def begun(values: Float64Array) -> Float64Array:
-        return np.concatenate((values[:1], values[:-1]))
-
-    speed, current = begun(fit.trajectory.speed), course.mean_current_A
+    speed, current = where_begun(fit.trajectory.speed), course.mean_current_A
     along = current * np.sign(speed)
     viscous = drive * speed
     gain = drive * current * fit.model.parameters.motor_gain
@@ -103,16 +100,16 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
         yield Ground("current_size", "torque", np.abs(current), drive, steady)
     if "angle_rad" in facts.channels:
         turned = np.diff(course.angle_rad, prepend=course.angle_rad[:1])
-        yield Ground("angle", "torque", begun(course.angle_rad), drive, (), turned)
-        yield Ground("angle", "drag", begun(course.angle_rad), dry, (0,), turned)
-    passing: list[tuple[Quantity, Float64Array, str, int]] = [("time", begun(course.time_s), "", 0)]
+        yield Ground("angle", "torque", where_begun(course.angle_rad), drive, (), turned)
+        yield Ground("angle", "drag", where_begun(course.angle_rad), dry, (0,), turned)
+    passing: list[tuple[Quantity, Float64Array, str, int]] = [("time", where_begun(course.time_s), "", 0)]
     # Where temperature goes with time a law of it says no more than a drift, which the catalogue has.
     if "temperature_degC" in facts.channels and not may_confound(fit, "time", "temperature"):
-        passing.append(("temperature", begun(course.temperature_degC), "", 0))
+        passing.append(("temperature", where_begun(course.temperature_degC), "", 0))
     for slot, name in enumerate(columns):
         values = course.columns[:, slot] if course.columns.size else np.zeros(0)
         if values.size and np.isfinite(values).all():
-            passing.append(("column", begun(values), name, slot))
+            passing.append(("column", where_begun(values), name, slot))
     for quantity, values, name, slot in passing:
         if np.ptp(values) <= _LEAST_RANGE.get(quantity, 0.0) or np.unique(values[:5000]).size < _LEAST_VALUES:
             continue

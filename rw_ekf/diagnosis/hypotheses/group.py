@@ -87,7 +87,8 @@ def score_random(profiled: Profiled, regressors: Float64Array) -> tuple[float, f
     deviation = 0.0
     signals = np.geomspace(*_SIGNALS, _SIGNAL_STEPS)
     for i in range(len(profiled.ratios)):
-        gains, merits, unit = _drawn(profiled, i, regressors, signals)
+        sums = profiled.sums(i, regressors)
+        gains, merits, unit = _drawn(profiled, i, sums.gram, sums.products, signals)
         at = int(np.argmax(merits))
         if merits[at] > best:
             best = float(merits[at])
@@ -112,7 +113,7 @@ def evidence_of_drawn(profiled: Profiled, sums: Sequence[tuple[Float64Array, Flo
     without, merits = np.empty(logs.size), np.empty((logs.size, signals.size))
     deviations = np.empty(merits.shape)
     for i in range(logs.size):
-        gains, found, unit = _drawn_of(profiled, i, *sums[i], signals)
+        gains, found, unit = _drawn(profiled, i, *sums[i], signals)
         deviations[i] = signals / unit * np.sqrt(profiled.left(i, gains))
         flat = spacing[i] + 0.5 * logs[i]  # in sqrt(q), as far as nothing is known
         without[i] = profiled.restricted(i, 0.0, 0, 0.0) + flat + 0.5 * np.log(profiled.left(i, 0.0))
@@ -122,20 +123,13 @@ def evidence_of_drawn(profiled: Profiled, sums: Sequence[tuple[Float64Array, Flo
 
 
 def _drawn(
-    profiled: Profiled, i: int, regressors: Float64Array, signals: Float64Array
+    profiled: Profiled, i: int, gram: Float64Array, products: Float64Array, signals: Float64Array
 ) -> tuple[Float64Array, Float64Array, float]:
     """Gains and restricted log-likelihoods (k,) at the i-th ratio of regressors whose coefficients are drawn.
 
-    signals (k,): deviations of the coefficients times the length of the regressor best seen, which comes third.
+    gram (m, m), products (m,): of the regressors beside the model's own. signals (k,): deviations of the coefficients
+    times the length of the regressor best seen, which comes third.
     """
-    _, gram, products = profiled.sums(i, regressors)
-    return _drawn_of(profiled, i, gram, products, signals)
-
-
-def _drawn_of(
-    profiled: Profiled, i: int, gram: Float64Array, products: Float64Array, signals: Float64Array
-) -> tuple[Float64Array, Float64Array, float]:
-    """The same from squares and products of the regressors beside the model's own."""
     squares, V = np.linalg.eigh(gram)
     squares, unit = np.maximum(squares, 0.0), math.sqrt(max(float(squares[-1]), 1.0e-300))
     scale = (signals[:, None] / unit) ** 2

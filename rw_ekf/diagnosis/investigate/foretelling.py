@@ -8,20 +8,19 @@ the held-out part? No effect of the catalogue is named by them: a name is a caus
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.checks.checks import of_size
-from rw_ekf.diagnosis.checks.heldout import by_fit_part, percent_better, performance
+from rw_ekf.diagnosis.checks.heldout import by_fit_part, gain_over, performance
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Trial
 from rw_ekf.diagnosis.investigate.found import Found, mapped
-from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, MOST_LAWS, REAL_GAIN, WORST
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
@@ -29,7 +28,6 @@ from rw_ekf.likelihood.by_simulation import at_given_numbers, by_simulation, err
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect_kinds import LawEffect
 
-Advance = Callable[[str], object]
 _MOST_ROWS = 3
 _AHEAD = ("horizon_1s_rms_rpm", "horizon_20s_rms_rpm", "free_run_rms_rpm")
 NOTE = (
@@ -153,8 +151,7 @@ def _free_run(prepared: Prepared, fit: Fit) -> float:
 
 def _gained(prepared: Prepared, less: Fit, more: Fit) -> float:
     """Share by which the free run's error on the held-out part is smaller."""
-    percent = percent_better(performance(prepared, less).figures, performance(prepared, more).figures)
-    return 0.0 if percent is None else 0.01 * percent
+    return 0.01 * (gain_over(prepared, less, more) or 0.0)
 
 
 def _no_worse_ahead(prepared: Prepared, base: Fit, way: Fit) -> bool:

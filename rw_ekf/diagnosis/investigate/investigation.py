@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same, quantity_of
@@ -24,7 +23,7 @@ from rw_ekf.diagnosis.investigate.widths import (
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.growth import begun, grown
 from rw_ekf.diagnosis.ledger.ledger import Ledger
-from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
 from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
@@ -32,7 +31,6 @@ from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.state import PARAMETER_COUNT
 
-Advance = Callable[[str], object]
 _LEAST_TOLD = 0.02
 
 

@@ -7,7 +7,6 @@ named is an alias of it: the ledger then grows on by such laws, and the likelies
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.residual_map import residual_map
@@ -18,12 +17,11 @@ from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.investigation import with_widths
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.growth import grown_with_laws
+from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import MAP_P
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
-
-Advance = Callable[[str], object]
 
 
 def with_laws(found: Found, advance: Advance) -> Found:

@@ -7,7 +7,6 @@ or made up.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.checks.lattice import Lattice, coarse_grid, explained_variance, find_lattice, rounding_error
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.investigation import investigate
-from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
 from rw_ekf.diagnosis.thresholds import GRID_REGISTER_RPM
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit, fit_model
@@ -28,7 +27,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 _TURNS = 3
 
 
-def investigated(prepared: Prepared, advance: Callable[[str], object]) -> Found:
+def investigated(prepared: Prepared, advance: Advance) -> Found:
     """What is found where the readings' grid is coarser than their noise and known to be; else as ever.
 
     Most grids show beside the base model, one at times only beside what the wheel has. Figures stay those of the

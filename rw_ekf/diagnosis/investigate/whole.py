@@ -5,7 +5,6 @@ The rows that a search at a lower rate found likeliest are fitted to every readi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.hypotheses.contenders import Search
@@ -17,14 +16,12 @@ from rw_ekf.diagnosis.investigate.rounding import investigated, without_rounding
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.growth import begun
 from rw_ekf.diagnosis.ledger.ledger import Row, key_of
-from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
 from rw_ekf.diagnosis.prepare.slower import slower
 from rw_ekf.diagnosis.thresholds import BEAM
 from rw_ekf.effects.catalogue import WANDERING
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
-
-Advance = Callable[[str], object]
 
 
 def thoroughly_investigated(prepared: Prepared, advance: Advance) -> Found:

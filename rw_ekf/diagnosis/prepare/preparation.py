@@ -54,6 +54,7 @@ _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known 
 
 
 _Given = TypeVar("_Given")
+Advance = Callable[[str], object]  # is told what is done next
 
 
 @dataclass(eq=False, frozen=True)
@@ -69,12 +70,20 @@ class Prepared:
     fit_part: Record  # what the figures' parameters are fitted to
     heldout: Record  # what the figures are of
     base: Fit  # of the whole record
-    angle_is_logged: bool
-    temperature_is_logged: bool
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
     in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
     _of_fit: dict[tuple[str, int], tuple[Fit, Any]] = field(default_factory=dict)  # what, of which fit (its id)
+
+    @property
+    def angle_is_logged(self) -> bool:
+        """Whether the angle is the log's, and not integrated."""
+        return "angle_rad" in self.facts.channels
+
+    @property
+    def temperature_is_logged(self) -> bool:
+        """Whether the temperature is the log's."""
+        return "temperature_degC" in self.facts.channels
 
     def exchanged(self) -> Prepared:
         """The same with the roles of the two parts exchanged."""
@@ -110,7 +119,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         )
     if not kept.all():
         course = part_of(course, current, delay, kept)
-        current, delay, split, log_of = current[kept], delay[kept], split.of_looked_at(), log_of[kept]
+        current, delay, split, log_of = current[kept], delay[kept], split.at(kept), log_of[kept]
     if not np.any(current != 0.0):
         notes += ("the current is zero throughout: the motor gain cannot be identified and keeps its prior",)
     temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
@@ -140,12 +149,10 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         base = replace(base, linearised=replace(base.linearised, record=record))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
-    facts = facts_of(course, base, everything, channels, source.timing_doubt_s, starts)
+    facts = facts_of(course, base, channels, source.timing_doubt_s, starts)
     if setup.stribeck_speed_std > 0.0:
         base = likeliest_stribeck_speed(base, facts.top_speed_rad_s)
-        facts = replace(
-            facts_of(course, base, everything, channels, source.timing_doubt_s, starts), stribeck_is_open=True
-        )
+        facts = replace(facts_of(course, base, channels, source.timing_doubt_s, starts), stribeck_is_open=True)
     fit_part, heldout = (
         Record.of(course, mask, setup.constants, work, log_of, torque_noise, angle_is_integrated=not turned)
         for mask in (split.fit, split.heldout)
@@ -160,8 +167,6 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         fit_part=fit_part,
         heldout=heldout,
         base=base,
-        angle_is_logged=turned,
-        temperature_is_logged=warm,
         kept=kept,
         notes=notes,
         in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm,
@@ -239,19 +244,16 @@ def _aged(model: WheelModel) -> Belief:
 def facts_of(
     course: Course,
     base: Fit,
-    part: BoolArray,
     channels: frozenset[str],
     timing_doubt_s: float = 0.0,
     log_starts_s: tuple[float, ...] = (),
 ) -> RecordFacts:
-    """What the catalogue asks of a part (n,) of a record and its base model; channels: those logged."""
+    """What the catalogue asks of a record and its base model; channels: those logged."""
     model, speed_noise_rad_s = base.model, math.sqrt(base.noise.variance)
-    speed = course.speed_rad_s[part]
-    rows, speed = speed.size, speed[np.isfinite(speed)]
+    speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     period = course.period_s
     top = float(np.quantile(np.abs(speed), 0.999)) if speed.size else 0.0
     slow = np.mean(np.abs(speed) * period < _TURN_PER_SAMPLE) if speed.size else 0.0
-    warmth = course.temperature_degC[part]
     return RecordFacts(
         first_s=float(course.time_s[0]),
         last_s=float(course.time_s[-1]),
@@ -262,14 +264,14 @@ def facts_of(
         stribeck_speed_rad_s=model.stribeck.omega_s,
         stribeck_law=model.stribeck.law,
         speed_noise_rad_s=speed_noise_rad_s,
-        reversals=reversals(course.speed_rad_s[part], speed_noise_rad_s),
-        slow_samples=int(np.count_nonzero(slow_motion(base.trajectory.speed[part], model.stribeck.omega_s))),
-        temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
+        reversals=reversals(course.speed_rad_s, speed_noise_rad_s),
+        slow_samples=int(np.count_nonzero(slow_motion(base.trajectory.speed, model.stribeck.omega_s))),
+        temperature_range_K=float(np.ptp(course.temperature_degC)) if "temperature_degC" in channels else None,
         angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
         channels=channels,
         timing_doubt_s=timing_doubt_s,
         log_starts_s=log_starts_s,
-        reading_s=period * rows / max(speed.size, 1),
+        reading_s=period * course.samples / max(speed.size, 1),
     )
 
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.diagnosis.prepare.preparation import Prepared, facts_of
-from rw_ekf.diagnosis.prepare.split import Split
 from rw_ekf.likelihood.fitting import fit_model
 from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
@@ -34,8 +33,7 @@ def slower(prepared: Prepared) -> Prepared:
     if every < 2:
         return prepared
     rows = one_of_each(course.speed_rad_s, course.segment, every)
-    thin, base, split = course.at(rows), prepared.base, prepared.split
-    split = Split(split.kind, split.fit[rows], split.heldout[rows], split.block[rows], split.time_s[rows])
+    thin, base, split = course.at(rows), prepared.base, prepared.split.at(rows)
     whole, work, logs = prepared.record, Work(), prepared.record.log_of[rows]
 
     def record(part: BoolArray) -> Record:
@@ -48,16 +46,14 @@ def slower(prepared: Prepared) -> Prepared:
     noise = Noise(base.noise.variance, base.noise.ratio * everything.period_s / period_s)
     path = Trajectory(*(values[rows] if values.size else values for values in base.trajectory))
     fitted = fit_model(Problem(everything, base.prior, base.omit[rows]), Start(base.model, path, noise))
-    facts = facts_of(
-        thin, fitted, np.ones(thin.samples, dtype=bool), prepared.facts.channels, prepared.facts.timing_doubt_s,
-        prepared.facts.log_starts_s,
-    )  # fmt: skip
+    given = prepared.facts
+    facts = facts_of(thin, fitted, given.channels, given.timing_doubt_s, given.log_starts_s)
     kept = np.zeros(prepared.kept.size, dtype=bool)
     kept[np.flatnonzero(prepared.kept)[rows]] = True
     return replace(
         prepared, course=thin, split=split, record=everything, fit_part=record(split.fit),
         heldout=record(split.heldout), base=fitted, kept=kept, _of_fit={},
-        facts=replace(facts, stribeck_is_open=prepared.facts.stribeck_is_open),
+        facts=replace(facts, stribeck_is_open=given.stribeck_is_open),
     )  # fmt: skip
 
 

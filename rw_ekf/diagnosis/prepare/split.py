@@ -34,9 +34,8 @@ class Split:
         """Samples that the diagnosis looks at, (n,)."""
         return self.fit | self.heldout
 
-    def of_looked_at(self) -> Split:
-        """The same over the samples looked at alone."""
-        kept = self.looked_at
+    def at(self, kept: BoolArray) -> Split:
+        """The same over some samples (n,) alone."""
         return Split(self.kind, self.fit[kept], self.heldout[kept], self.block[kept], self.time_s[kept])
 
     def exchanged(self) -> Split:

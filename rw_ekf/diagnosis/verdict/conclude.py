@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +19,7 @@ from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, resi
 from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
 from rw_ekf.diagnosis.outcome import ModelTrace
+from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import GRID_GAINS
@@ -32,8 +32,6 @@ from rw_ekf.effects.catalogue import GRID
 from rw_ekf.filter.evenness import unevenness
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
-
-Advance = Callable[[str], object]
 
 
 def conclude(found: Found, advance: Advance) -> Diagnosis:

@@ -67,16 +67,8 @@ def document_of(judged: Judged) -> dict[str, Any]:
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.dependences
         ],
-        "torque_noise": (
-            None
-            if (uneven := noise.torque) is None
-            else {**uneven.document(in_rpm=in_rpm), "sentence": uneven.sentence(in_rpm=in_rpm)}
-        ),
-        "reading_noise": (
-            None
-            if (uneven := noise.readings) is None
-            else {**uneven.document(in_rpm=in_rpm), "sentence": uneven.sentence(in_rpm=in_rpm)}
-        ),
+        "torque_noise": None if noise.torque is None else noise.torque.document(in_rpm=in_rpm),
+        "reading_noise": None if noise.readings is None else noise.readings.document(in_rpm=in_rpm),
         "swallowed": [{"sentence": item.sentence, "p_value": item.p_value} for item in noise.told],
         "shapes": shapes_of(found, prepared.setup.inertia_kg_m2, in_rpm=prepared.in_rpm),
         "residual_tests": {"before": residual_tests(left_over(base)), "after": judged.tests},

@@ -13,11 +13,11 @@ from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
-from rw_ekf.diagnosis.verdict.explanations import Explanation
+from rw_ekf.diagnosis.verdict.explanations import NONE, Explanation
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.model.effect_kinds import LawEffect
 
-NONE, SOMETHING_ELSE = "none", "something_else"
+SOMETHING_ELSE = "something_else"
 _MOST_DECADES = 8.0
 _MOST_ODDS = 10.0  # log, of a law without a name
 _LEAST = 1.0e-3  # less is left out

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
-from rw_ekf.diagnosis.checks.heldout import telling_figure
+from rw_ekf.diagnosis.checks.heldout import ERRORS, telling_figure
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
 from rw_ekf.diagnosis.hypotheses.other_starts import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Selection
@@ -25,11 +25,7 @@ from rw_ekf.model.effect_kinds import LawEffect, WanderingEffect
 from rw_ekf.numbers import chance_text, number_text
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
-_FIGURES = (
-    ("free_run_rms_rpm", "free-run error"),
-    ("horizon_20s_rms_rpm", "error 20 s ahead"),
-    ("one_step_rms_rpm", "one-step error"),
-)
+_TOLD = ("free_run_rms_rpm", "horizon_20s_rms_rpm", "one_step_rms_rpm")  # the first of these that there is
 _TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _SURE = 0.95  # probability of an order beside which no other is told
 _ORDERS_TOLD = 4
@@ -152,10 +148,10 @@ def separation(group: list[str], posterior: dict[str, float], selection: Selecti
 def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
     """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
     telling = telling_figure(before, after)
-    for key, words in _FIGURES:
+    for key in _TOLD:
         if before.get(key) is None or after.get(key) is None or (telling is not None and key != telling):
             continue
-        old, new = before[key], after[key]
+        old, new, words = before[key], after[key], ERRORS[key]
         if wheel_units:
             return f"{words} {number_text(old)} -> {number_text(new)} rpm on {seconds:.0f} s held out"
         change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"

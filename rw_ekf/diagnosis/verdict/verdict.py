@@ -12,7 +12,8 @@ from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_TOLD
-from rw_ekf.diagnosis.verdict.posterior import NONE, SOMETHING_ELSE
+from rw_ekf.diagnosis.verdict.explanations import NONE
+from rw_ekf.diagnosis.verdict.posterior import SOMETHING_ELSE
 from rw_ekf.diagnosis.verdict.sentences import (
     improvement,
     measured_by_little,
@@ -24,7 +25,7 @@ from rw_ekf.diagnosis.verdict.sentences import (
     separation,
 )
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
-from rw_ekf.numbers import chance_text
+from rw_ekf.numbers import chance_text, p_text
 
 _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 
@@ -168,7 +169,7 @@ def _another_record(found: Found, names: list[str]) -> str:
 
 def _told(failed: Mapping[str, float]) -> str:
     """`it is correlated in time (p = 1e-71), and its mean is not zero (p = 2e-05)`."""
-    return ", and ".join(f"{words} (p = {p:.0e})" for words, p in failed.items())
+    return ", and ".join(f"{words} ({p_text(p)})" for words, p in failed.items())
 
 
 def _lacks_something(posterior: dict[str, float]) -> bool:
