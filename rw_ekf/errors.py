@@ -85,3 +85,8 @@ class FilterError(RwEkfError):
 
 class EndOfRecord(Exception):  # noqa: N818 - an outcome, not an error
     """A replayed record has been read to its end."""
+
+
+def reason_of(error: Exception) -> str:
+    """Why the system refused something, in its own words; of any other error what it says."""
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)

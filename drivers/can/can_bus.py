@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from rw_ekf.clock import Clock
@@ -63,9 +62,6 @@ class CanBus(Protocol):
     def close(self) -> None:
         """Let go of it. Safe to call twice."""
         ...
-
-
-OpenBus = Callable[[CanPort, int, Clock], CanBus]
 
 
 class PythonCanBus:

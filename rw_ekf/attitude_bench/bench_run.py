@@ -43,7 +43,6 @@ class BenchRun:
     time_s: Float64Array
     attitude_rad: Float64Array
     wheel_rad_s: Float64Array
-    believed_rad_s: Float64Array  # the wheel's speed, by the filter
     request_rad_s2: Float64Array  # by the attitude controller
     current_A: Float64Array  # commanded after the reading
     stood_s: float  # how long the wheel stood still
@@ -84,7 +83,7 @@ class Bench:
         self._period_s = 1.0 / scenario.cycle.rate_hz
         self._asked_s = -math.inf
         self._request_rad_s2 = 0.0
-        self._rows: list[tuple[float, float, float, float, float]] = []
+        self._rows: list[tuple[float, float, float, float]] = []
         self._currents: list[float] = []
         self._stood_s = 0.0
         if self._mode is not None:
@@ -100,10 +99,7 @@ class Bench:
             self._asked_s = now_s
             self._request_rad_s2 = self._pid.request_rad_s2(now_s + self._began_s, self._gyro.read(now_s, truth))
         wheel = self._wheel.truth
-        believed = tick.estimate.state.speed_rad_s
-        self._rows.append(
-            (now_s + self._began_s, truth.attitude_rad, wheel.speed_rad_s, believed, self._request_rad_s2)
-        )
+        self._rows.append((now_s + self._began_s, truth.attitude_rad, wheel.speed_rad_s, self._request_rad_s2))
         if abs(wheel.speed_rad_s) < _SLOW_RAD_S:
             steps = round(self._period_s / _LOOKED_AT_S)
             for i in range(1, steps + 1):
@@ -121,12 +117,11 @@ class Bench:
     def result(self) -> BenchRun:
         """What was recorded."""
         rows = np.array(self._rows[: len(self._currents)])
-        time_s, attitude, wheel, believed, request = rows.T
+        time_s, attitude, wheel, request = rows.T
         return BenchRun(
             time_s,
             attitude,
             wheel,
-            believed,
             request,
             np.array(self._currents),
             self._stood_s,

@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from rw_ekf.errors import ConfigError
+from rw_ekf.errors import ConfigError, reason_of
 from rw_ekf.plain_file import read_plain
 
 PathTuple = tuple[str | int, ...]
@@ -197,8 +197,7 @@ def _read_text(path: Path) -> str:
         column = error.start - (error.object.rfind(b"\n", 0, error.start) + 1) + 1
         raise ConfigError(f"{path}:{line}:{column}: not UTF-8 text; save the file as UTF-8") from None
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ConfigError(f"{path}: cannot be read ({reason})") from None
+        raise ConfigError(f"{path}: cannot be read ({reason_of(error)})") from None
 
 
 def _syntax_finding(name: str, error: yaml.MarkedYAMLError) -> str:

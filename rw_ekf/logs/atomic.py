@@ -1,4 +1,4 @@
-"""Files that are either whole or not there: written beside their place, synced, and renamed into it.
+"""Files that are either whole or not there: written beside their place, synced, and renamed into it; and new ones.
 
 A directory may be one that others write to. The temporary name cannot be guessed and is made anew, never opened; a
 symbolic link at the place itself is followed only where whoever runs this, or root, put it there; what a daemon writes
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from rw_ekf.errors import BadInputError
+from rw_ekf.errors import BadInputError, reason_of
 
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _MOST_LINKS = 40  # of one name, as the kernel counts
@@ -102,5 +102,25 @@ def _sync(path: Path) -> None:
 
 
 def _cannot_write(path: str | Path, error: OSError | ValueError) -> BadInputError:
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return BadInputError(f"{path}: cannot be written ({reason}): give another place, or make room")
+    return BadInputError(f"{path}: cannot be written ({reason_of(error)}): give another place, or make room")
+
+
+@contextmanager
+def begun_file(path: str | Path) -> Iterator[int]:
+    """Make a file that grows, and give its descriptor, of which the block writes the beginning.
+
+    Never overwrites: a file that exists is someone's data. Where there is no room for the beginning none is left
+    behind. Raises BadInputError if it exists, or cannot be made.
+    """
+    descriptor = None
+    try:
+        descriptor = os.open(path, _NEW | os.O_APPEND, 0o666)
+        yield descriptor
+    except FileExistsError:
+        raise BadInputError(f"{path}: exists already and is not overwritten: choose another name") from None
+    except (OSError, ValueError) as error:
+        if descriptor is not None:
+            os.close(descriptor)
+            with suppress(OSError):
+                os.unlink(path)
+        raise BadInputError(f"{path}: cannot be written ({reason_of(error)})") from None

@@ -22,9 +22,7 @@ _NUMBERS = frozenset(READABLE_COLUMNS) - {"status"}  # which may be words, in so
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
-    with path.open("rb") as stream:
-        head = stream.read(4)
-    packing = _packing_of(head)
+    packing = _packing_of(path)
     text = LogText(path) if packing is None else LogText.unpack(path, packing, name)
     sums = sums_of(path)
     text, said = _checked(text, sums, name)
@@ -38,15 +36,16 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     return table
 
 
-def _packing_of(head: bytes) -> Packing | None:
+def _packing_of(path: Path) -> Packing | None:
+    with path.open("rb") as stream:
+        head = stream.read(4)
     return next((packing for magic, packing in _PACKED if head.startswith(magic)), None)
 
 
 def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str] | None) -> InParts | None:
     """A text that is as its run wrote it, or that no run wrote; a packed one is unpacked as a whole."""
-    with path.open("rb") as stream:
-        if _packing_of(stream.read(4)) is not None:
-            return None
+    if _packing_of(path) is not None:
+        return None
     text, sums = LogText(path), sums_of(path)
     if sums.damaged is not None:
         return None

@@ -9,7 +9,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.errors import EmptyLogError, LogError, reason_of
 from rw_ekf.logs.format import HEAD_BYTES, LogFormat
 from rw_ekf.plugins import loaded_as, registered
 
@@ -89,8 +89,7 @@ def _head_of(path: Path, name: str) -> bytes:
     except IsADirectoryError:
         raise LogError(f"{name}: is a directory: give the log file in it") from None
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise LogError(f"{name}: cannot be read ({reason})") from None
+        raise LogError(f"{name}: cannot be read ({reason_of(error)})") from None
     if not head:
         raise EmptyLogError(f"{name}: the file is empty")
     return head

@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.errors import LogError
-from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.logs.wheel_log import WheelLog, put_together
 
 _UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
 
@@ -34,28 +34,20 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
     if len(logs) == 1:
         log = logs[0]
         return Joined(log, np.zeros(len(log), dtype=np.int64), (_part(log, 0.0),))
-    times, segments, parts, begin = [], [], [], 0.0
-    number = 0
-    for log in logs:
-        running = _running(log)
-        times.append(begin + running)
-        parts.append(_part(log, begin))
-        segments.append(log.segment - log.segment[:1] + number)
-        number = int(segments[-1][-1]) + 1
-        step = 1.0 / log.rate_hz if np.isfinite(log.rate_hz) else 1.0
-        begin = float(times[-1][-1]) + step
     names = set.intersection(*(set(log.channels) for log in logs))
     lacking = sorted(set.union(*(set(log.channels) for log in logs)) - names)
     notes = (f"{', '.join(lacking)}: not in every log, and not used",) if lacking else ()
+    moved, parts, begin, number = list[WheelLog](), [], 0.0, 0
+    for log in logs:
+        parts.append(_part(log, begin))
+        time_s, segment = begin + _running(log), log.segment - log.segment[:1] + number
+        channels = {name: log.channels[name] for name in sorted(names)}
+        moved.append(replace(log, time_s=time_s, segment=segment, channels=channels, other={}))
+        number = int(segment[-1]) + 1
+        begin = float(time_s[-1]) + (1.0 / log.rate_hz if np.isfinite(log.rate_hz) else 1.0)
     whole = replace(
-        logs[0],
+        put_together(moved),
         name=", ".join(log.name for log in logs),
-        time_s=np.concatenate(times),
-        speed_rad_s=np.concatenate([log.speed_rad_s for log in logs]),
-        current_A=np.concatenate([log.current_A for log in logs]),
-        command_delay_s=np.concatenate([log.command_delay_s for log in logs]),
-        segment=np.concatenate(segments),
-        channels={name: np.concatenate([log.channels[name] for log in logs]) for name in sorted(names)},
         other=_further(logs),
         rows_read=sum(log.rows_read for log in logs),
         skipped_rows=sum(log.skipped_rows for log in logs),

@@ -14,12 +14,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.errors import BadInputError
-from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.atomic import atomic_path, begun_file
 from rw_ekf.plain_file import write_whole
 from rw_ekf.version import __version__
 
-_NEW = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _LIBRARY = f"rw_ekf {__version__}"
 _LARGEST = 2**31  # bytes of one record
 
@@ -49,15 +47,8 @@ class GrowingMcap:
             self._channels[topic] = self._writer.register_channel(topic, "json", number)
         self._writer.add_metadata("rw_ekf", dict(about))
         self._descriptor: int | None = None
-        try:
-            self._descriptor = os.open(path, _NEW, 0o666)
+        with begun_file(path) as self._descriptor:
             self._put()
-        except FileExistsError:
-            raise BadInputError(f"{path}: exists already and is not overwritten: choose another name") from None
-        except (OSError, ValueError) as error:
-            self._undo()
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            raise BadInputError(f"{path}: cannot be written ({reason})") from None
 
     @property
     def removed(self) -> bool:
@@ -95,13 +86,6 @@ class GrowingMcap:
             raise OSError(errno.EBADF, "it is closed", str(self.path))
         write_whole(self._descriptor, data, self.length)
         self.length += len(data)
-
-    def _undo(self) -> None:
-        """Leave no file behind that was only begun."""
-        if self._descriptor is not None:
-            os.close(self._descriptor)
-            self.path.unlink(missing_ok=True)
-            self._descriptor = None
 
 
 def chunk(path: Path) -> None:

@@ -7,7 +7,6 @@ Numbers are written with repr: the shortest text that reads back as the very sam
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import math
 import os
@@ -17,14 +16,13 @@ from types import TracebackType
 from typing import Self
 from zlib import crc32
 
-from rw_ekf.errors import BadInputError
+from rw_ekf.logs.atomic import begun_file
 from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.sums import Block, note_block
 from rw_ekf.plain_file import write_whole
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
-_NEW = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _SHORT = 0.99
 INNOVATION_COLUMNS = ("innovation_rad_s", "innovation_std_rad_s", "nis", "accepted", "reason")
 
@@ -57,24 +55,8 @@ class RowWriter:
         self.cut = False  # another program has shortened the file, as logrotate does with copytruncate
         self._noted = Block(0, 0, 0, 0)  # what no checksum has been noted of yet
         self._descriptor: int | None = None
-        try:
-            self._descriptor = os.open(self.path, _NEW, 0o666)
-            self._begin()
-        except FileExistsError:
-            raise BadInputError(f"{path}: exists already and is not overwritten: choose another name") from None
-        except (OSError, ValueError) as error:
-            self.close()
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            raise BadInputError(f"{path}: cannot be written ({reason})") from None
-
-    def _begin(self) -> None:
-        """Write the header; where there is no room for it, leave no file behind that is no table."""
-        try:
+        with begun_file(path) as self._descriptor:
             self.write_row(self.columns)
-        except OSError:
-            with contextlib.suppress(OSError):
-                self.path.unlink()
-            raise
 
     def write_row(self, values: Iterable[float | str | None]) -> None:
         """Write one line; values in the order of `columns`.

@@ -43,7 +43,6 @@ class RunEvents:
 
     wheel: str
     log: Path
-    began_utc: str
     watched_s: float = 0.0
     spikes: list[Spike] = field(default_factory=list)
     alarms: list[str] = field(default_factory=list)  # when each one of the watch began, spikes included, UTC
@@ -60,7 +59,7 @@ def read_run(log: Path) -> RunEvents | None:
     name = str(_section(metadata.configuration, "wheel").get("name", "wheel"))
     serial = None if metadata.identity is None else metadata.identity.serial_number
     wheel = name if serial is None else f"{name} (serial number {serial})"
-    run = RunEvents(wheel, log, metadata.first_sample_utc)
+    run = RunEvents(wheel, log)
     path = beside(log, "events.jsonl")
     if not _section(metadata.configuration, "watch").get("enabled", True):
         return None

@@ -17,7 +17,7 @@ def drawn_run(error_deg: Float64Array, current_A: Float64Array, reversal_s: floa
     time_s = np.linspace(0.0, 0.1 * (error_deg.size - 1), error_deg.size)
     wheel = np.asarray((reversal_s - time_s) * 0.3)
     off = np.asarray(error_deg * np.pi / 180.0)
-    return BenchRun(time_s, off, wheel, wheel, np.zeros(time_s.size), current_A, stood_s=1.25)
+    return BenchRun(time_s, off, wheel, np.zeros(time_s.size), current_A, stood_s=1.25)
 
 
 def test_the_figures_of_a_drawn_course_are_read_off_it() -> None:

@@ -99,7 +99,7 @@ def test_only_the_time_that_was_tracked_is_watched(tmp_path: Path) -> None:
 def runs_with(times_h: list[float], sizes: list[float], hours: float) -> list[RunEvents]:
     """Ten runs of equal length with spikes at these hours of all that was watched."""
     each = hours / 10
-    runs = [RunEvents("wheel", Path(f"{n}.csv"), "", watched_s=3600.0 * each) for n in range(10)]
+    runs = [RunEvents("wheel", Path(f"{n}.csv"), watched_s=3600.0 * each) for n in range(10)]
     for time, size in zip(times_h, sizes, strict=True):
         number = min(int(time / each), 9)
         within_s = 3600.0 * (time - number * each)

@@ -1,28 +1,95 @@
-"""MDF 3 and 4, as measurement systems of the car industry write them."""
+"""MDF 3 and 4, as measurement systems of the car industry write them.
+
+A damaged file makes the library that reads them crash: it does so in a process of its own.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.child import groups_by_child
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable
 
 _IS_TIME = (0, 1)  # sync_type of a master channel: not said, time
 _LONGEST_NAME = 60
+_CHILD = (
+    "import json, sys; path, file = json.loads(sys.argv[1]); sys.path[:] = path; "
+    "from rw_ekf.logs.foreign.mdf import answer; answer(file)"
+)
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     """Channel groups as groups, each on its master channel. A value that the recorder marked as invalid is a gap."""
-    return table_of_groups(groups_by_child(f"{__name__}:groups_of", path), columns, name)  # it crashes of damage
+    return table_of_groups(_groups_by_child(path), columns, name)
 
 
-def groups_of(path: Path) -> list[Group]:
+def _groups_by_child(path: Path) -> list[Group]:
+    """All groups of a file, by a process of its own. Raises ValueError where that fails, or dies of it."""
+    command = [sys.executable or "python3", "-P", "-c", _CHILD, json.dumps([sys.path, str(path.absolute())])]
+    with tempfile.TemporaryFile() as answered:
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, stdout=answered, stderr=subprocess.PIPE, check=False, errors="replace"
+        )
+        if done.returncode < 0:
+            name = signal.Signals(-done.returncode).name
+            raise ValueError(f"what reads it was ended by {name}")
+        if done.returncode > 0:
+            raise ValueError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "what reads it failed")
+        answered.seek(0)
+        return _unpacked(answered)
+
+
+def answer(file: str) -> None:
+    """The child: write the groups to standard output, or what went wrong to standard error, and exit."""
+    from rw_ekf.parent import die_with_parent
+
+    die_with_parent()
+    stream = sys.stdout.buffer
+    sys.stdout = sys.stderr  # where a library prints is no place for it
+    try:
+        groups = _groups_of(Path(file))
+    except Exception as error:  # noqa: BLE001 - it is the parent's to say
+        sys.stderr.write(f"\n{(str(error).strip().splitlines() or [type(error).__name__])[0]}\n")
+        sys.stderr.flush()
+        os._exit(1)
+    _pack(groups, stream)
+    stream.flush()
+    os._exit(0)  # without deleting what the library has half built
+
+
+def _pack(groups: list[Group], stream: BinaryIO) -> None:
+    """Names as JSON, then every array, as one archive of numpy."""
+    arrays: list[object] = []
+    names = []
+    for group in groups:
+        names.append([group.name, group.time_s is not None, list(group.channels), group.units, group.remarks])
+        arrays += [*([] if group.time_s is None else [group.time_s]), *group.channels.values()]
+    said = np.frombuffer(json.dumps(names).encode(), dtype=np.uint8)
+    np.savez(stream, said, *arrays)  # type: ignore[arg-type]
+
+
+def _unpacked(stream: BinaryIO) -> list[Group]:
+    with np.load(stream, allow_pickle=False) as archive:
+        held = iter([archive[f"arr_{number}"] for number in range(len(archive.files))])
+    groups = []
+    for name, timed, channels, units, remarks in json.loads(bytes(next(held))):
+        time_s = next(held) if timed else None
+        groups.append(Group(name, time_s, {channel: next(held) for channel in channels}, units, remarks))
+    return groups
+
+
+def _groups_of(path: Path) -> list[Group]:
     """All groups of a file. Raises whatever the library does."""
     import asammdf
 
