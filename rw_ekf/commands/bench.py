@@ -51,12 +51,12 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.attitude_bench.held import count_of_runs, hold_bench
     from rw_ekf.attitude_bench.prepare import scenario_of, schemes_of
+    from rw_ekf.commands.answer import answer
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.commands.inputs import read_wheel_model
     from rw_ekf.commands.undrawn import drawn
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
-    from rw_ekf.json_output import print_json
     from rw_ekf.worker_pool import cores
 
     schemes = schemes_of(args.schemes)
@@ -80,8 +80,5 @@ def execute(args: argparse.Namespace) -> int:
                 sys.stderr.write(f"rw-ekf: wrote {path}\n")
 
         whole = drawn(write)
-    if args.json:
-        print_json(found.document())
-    else:
-        sys.stdout.write(found.text() + "\n")
+    answer(args, found.document, found.text)
     return 0 if whole else 1

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import read_logs
 
 HELP = "hold two models of a wheel, or what two runs learned, against each other"
@@ -25,7 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.compared import compared
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.run_directory import model_of
     from rw_ekf.wheel.model_file import read_model
 
@@ -38,8 +37,5 @@ def execute(args: argparse.Namespace) -> int:
         (log,) = read_logs([args.on], args.columns)
         make_ready((*FIT, *EFFECTS) if first.effects.terms or second.effects.terms else FIT)
     found = compared(first, second, log)
-    if args.json:
-        print_json(found.document())
-    else:
-        sys.stdout.write(found.text() + "\n")
+    answer(args, found.document, found.text)
     return 0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
@@ -60,7 +60,6 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 
     directory = None if args.out is None else Path(args.out)
@@ -92,10 +91,7 @@ def execute(args: argparse.Namespace) -> int:
         if directory is not None:
             advance("drawing the report")
             whole = drawn(lambda: found.report(directory, log_options(args)))
-    if args.json:
-        print_json(found.document())
-    else:
-        sys.stdout.write(found.text(directory) + "\n")
+    answer(args, found.document, lambda: found.text(directory))
     return 0 if whole else 1
 
 

@@ -29,8 +29,8 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises LogError or BadInputError."""
     if args.out.endswith((".xml", ".txt")):
         return _export_map(args)
+    from rw_ekf.commands.answer import answer
     from rw_ekf.commands.inputs import read_logs, refuse_to_overwrite
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.tables import check_suffix
 
     check_suffix(args.out)
@@ -39,18 +39,14 @@ def execute(args: argparse.Namespace) -> int:
     log.save(args.out)
     for text in log.warnings:
         sys.stderr.write(f"warning: {text}\n")
-    if args.json:
-        print_json(
-            {
-                "schema": "rw_ekf.export/1",
-                "log": log.name,
-                "out": args.out,
-                "samples": len(log),
-                "warnings": log.warnings,
-            }
-        )
-    else:
-        sys.stdout.write(f"{args.out}: {len(log)} samples\n")
+    document = {
+        "schema": "rw_ekf.export/1",
+        "log": log.name,
+        "out": args.out,
+        "samples": len(log),
+        "warnings": log.warnings,
+    }
+    answer(args, lambda: document, lambda: f"{args.out}: {len(log)} samples")
     return 0
 
 
@@ -66,12 +62,12 @@ def _export_map(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rw_ekf.attach.wire import load_protocol
+    from rw_ekf.commands.answer import answer
     from rw_ekf.commands.inputs import refuse_to_overwrite
     from rw_ekf.driver import DescribedProtocol
     from rw_ekf.errors import BadInputError
     from rw_ekf.ground.cosmos import cosmos_text
     from rw_ekf.ground.xtce import xtce_text
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
 
     refuse_to_overwrite([args.out], [args.log])
@@ -86,8 +82,6 @@ def _export_map(args: argparse.Namespace) -> int:
     written = xtce_text if args.out.endswith(".xml") else cosmos_text
     write_text(args.out, written(name, protocol.packets))
     packets = len(protocol.packets)
-    if args.json:
-        print_json({"schema": "rw_ekf.export/1", "map": args.log, "out": args.out, "packets": packets})
-    else:
-        sys.stdout.write(f"{args.out}: {packets} packets\n")
+    document = {"schema": "rw_ekf.export/1", "map": args.log, "out": args.out, "packets": packets}
+    answer(args, lambda: document, lambda: f"{args.out}: {packets} packets")
     return 0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import replace
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
@@ -45,7 +45,6 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.batch_fit import fit_record
     from rw_ekf.compile_ahead import DIAGNOSIS, FIT
     from rw_ekf.console import progress
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.joined import one_log
 
     refuse_to_overwrite([args.out], [*args.logs, args.columns, args.config])
@@ -65,8 +64,5 @@ def execute(args: argparse.Namespace) -> int:
         found = replace(found, warnings=(*found.warnings, said))
     elif args.out is not None:
         found.save(args.out)
-    if args.json:
-        print_json(found.document())
-    else:
-        sys.stdout.write(found.text() + "\n")
+    answer(args, found.document, found.text)
     return int(refused)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import functools
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
     from rw_ekf.fleet.public import Diagnoses, FleetRun
-    from rw_ekf.shown import Shown
 
 HELP = "filter the logs of many wheels over years, and say which wheels age or are unlike the others"
 EXAMPLE = """example:
@@ -76,7 +75,8 @@ def execute(args: argparse.Namespace) -> int:
 def _build(args: argparse.Namespace) -> int:
     from rw_ekf.fleet.public import build
 
-    _show(build(args.directory, args.out), args)
+    found = build(args.directory, args.out)
+    answer(args, found.document, found.text)
     return 0
 
 
@@ -116,29 +116,22 @@ def _worked(
             scheduler=args.scheduler,
             tick=bar.update,
         )
-    _show(done, args)
+    answer(args, done.document, done.text)
     return 0 if done.whole else 1
 
 
 def _trends(args: argparse.Namespace) -> int:
     from rw_ekf.fleet.public import trends
 
-    _show(trends(args.directory, args.out, limits=args.limit), args)
+    found = trends(args.directory, args.out, limits=args.limit)
+    answer(args, found.document, found.text)
     return 0
 
 
 def _view(args: argparse.Namespace) -> int:
     from rw_ekf.console import shown_path
     from rw_ekf.fleet.public import view
-    from rw_ekf.json_output import print_json
 
     page = view(args.directory, args.out, limits=args.limit)
-    if args.json:
-        print_json({"schema": "rw_ekf.fleet_view/1", "page": str(page)})
-    else:
-        sys.stdout.write(f"{shown_path(Path(page))}\n")
+    answer(args, lambda: {"schema": "rw_ekf.fleet_view/1", "page": str(page)}, lambda: shown_path(Path(page)))
     return 0
-
-
-def _show(found: Shown, args: argparse.Namespace) -> None:
-    sys.stdout.write(found.to_json() if args.json else f"{found.text()}\n")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 
 from rw_ekf.commands.inputs import duration_s
 
@@ -53,12 +52,12 @@ def _rates(text: str) -> tuple[float, ...]:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises BadInputError."""
+    from rw_ekf.commands.answer import answer
     from rw_ekf.commands.inputs import refuse_to_overwrite
     from rw_ekf.commands.undrawn import drawn
     from rw_ekf.errors import BadInputError
     from rw_ekf.flyby.flyby_plan import TABLE_A1_RPM, case_of, plan_document, plan_text
     from rw_ekf.flyby.settings import read_flyby
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.picture_file import check_picture_suffix
 
     check_picture_suffix(args.out)
@@ -80,8 +79,6 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.flyby.flyby_picture import plan_picture
 
         whole = drawn(lambda: plan_picture(args.out, flyby, cases))
-    if args.json:
-        print_json(plan_document(flyby, cases, args.avoid))
-    else:
-        sys.stdout.write(plan_text(flyby, cases, args.avoid) + "\n")
+    said = (flyby, cases, args.avoid)
+    answer(args, lambda: plan_document(*said), lambda: plan_text(*said))
     return 0 if whole else 1

@@ -84,7 +84,7 @@ def execute(args: argparse.Namespace) -> int:
     of_line = len(configurations) > 1
     if args.resume:  # of a line it is for the one that is named
         wheel = one_of_wheels(configurations, args.config, args.wheel)
-        status = _resumed(wheel, of_line=of_line, json=args.json)
+        status = _resumed(wheel, args, of_line=of_line)
         if status is not None:
             return status
     together = of_line and args.wheel is None
@@ -106,13 +106,13 @@ def execute(args: argparse.Namespace) -> int:
         return supervised(configurations, args, run) if args.supervise else run(keep_safe=args.keep_safe)
 
 
-def _resumed(configuration: Configuration, *, of_line: bool, json: bool) -> int | None:
+def _resumed(configuration: Configuration, args: argparse.Namespace, *, of_line: bool) -> int | None:
     """Tell the daemon to let its wheel leave SAFE; None where none is running, and a run of this wheel may begin.
 
     Raises DriverError where none is running and the wheel is one of several: a run of it alone would keep them out.
     """
+    from rw_ekf.commands.answer import answer
     from rw_ekf.errors import DriverError
-    from rw_ekf.json_output import print_json
     from rw_ekf.live.resume import resume_daemon
 
     resumed = resume_daemon(configuration, of_line=of_line)
@@ -120,10 +120,7 @@ def _resumed(configuration: Configuration, *, of_line: bool, json: bool) -> int 
         raise DriverError(f"{configuration.wheel.port}: no run drives this line: nothing to resume")
     if resumed is None:
         return None
-    if json:
-        print_json(resumed.document())
-    else:
-        sys.stdout.write(f"{resumed.text}\n")
+    answer(args, resumed.document, lambda: resumed.text)
     return 0 if resumed.left_safe else 1
 
 

@@ -22,11 +22,11 @@ def settle(configuration: Configuration, args: argparse.Namespace) -> int:
 
     Exit status 1 where no motion tells the explanations apart.
     """
+    from rw_ekf.commands.answer import answer
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.commands.run import Planned, run_and_report
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.errors import RwEkfError
-    from rw_ekf.json_output import print_json
     from rw_ekf.settings.schema import CompensationSection
     from rw_ekf.settle.carry_out import commander_for, write_motion
     from rw_ekf.settle.limits import MotionLimits, bounds_of, refuse_hot
@@ -39,10 +39,7 @@ def settle(configuration: Configuration, args: argparse.Namespace) -> int:
     make_ready(DIAGNOSIS)
     plan = _designed(scene, bounds, MotionLimits.of(configuration), args.seed)
     if args.dry_run:
-        if args.json:
-            print_json(plan.document())
-        else:
-            sys.stdout.write(plan.text() + "\n")
+        answer(args, plan.document, plan.text)
         return 0 if plan.separates else 1
     if not plan.separates:
         raise RwEkfError(plan.refusal())

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
@@ -100,7 +101,6 @@ def execute(args: argparse.Namespace) -> int:
 def _fleet(args: argparse.Namespace) -> int:
     from rw_ekf.errors import UsageError
     from rw_ekf.fleet.public import simulate
-    from rw_ekf.json_output import print_json
 
     if args.out is None:
         raise UsageError("--out DIR is missing: where the fleet's logs shall be written")
@@ -109,12 +109,8 @@ def _fleet(args: argparse.Namespace) -> int:
     if args.workers is not None and args.workers < 1:
         raise UsageError(f"--workers {args.workers}: give 1 or more")
     document = simulate(args.out, wheels=args.wheels, days=args.days, seed=args.seed, workers=args.workers)
-    if args.json:
-        print_json(document)
-    else:
-        sys.stdout.write(
-            f"{args.out}: {document['logs']} logs of {document['wheels']} wheels, their truth in truth.json\n"
-        )
+    text = f"{args.out}: {document['logs']} logs of {document['wheels']} wheels, their truth in truth.json"
+    answer(args, lambda: document, lambda: text)
     return 0
 
 
@@ -124,7 +120,6 @@ def _wheel(args: argparse.Namespace) -> int:
     from rw_ekf.commands.inputs import read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_faults
     from rw_ekf.errors import BadInputError
-    from rw_ekf.json_output import print_json
     from rw_ekf.units import rad_s_from_rpm
 
     if not 0.0 < args.speed_factor <= 1000.0:
@@ -146,22 +141,17 @@ def _wheel(args: argparse.Namespace) -> int:
     protocol = load_protocol("sunspace-wheel") if configuration is None else spoken_by(configuration)
 
     def ready(device: str) -> None:
-        if args.json:
-            print_json(
-                {
-                    "schema": "rw_ekf.simulation/1",
-                    "link": args.link,
-                    "device": device,
-                    "seed": args.seed,
-                    "speed_factor": args.speed_factor,
-                    "truth": plant._asdict() | numbers,
-                    "noise": noise._asdict(),
-                    "faults": [fault.text for fault in faults],
-                }
-            )
-        else:
-            sys.stdout.write(f"simulated wheel at {args.link} ({device}); Ctrl-C ends it\n")
-            sys.stdout.flush()
+        document = {
+            "schema": "rw_ekf.simulation/1",
+            "link": args.link,
+            "device": device,
+            "seed": args.seed,
+            "speed_factor": args.speed_factor,
+            "truth": plant._asdict() | numbers,
+            "noise": noise._asdict(),
+            "faults": [fault.text for fault in faults],
+        }
+        answer(args, lambda: document, lambda: f"simulated wheel at {args.link} ({device}); Ctrl-C ends it")
 
     protocol.serve(
         plant,
@@ -218,7 +208,6 @@ def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) ->
     from rw_ekf.commands.inputs import read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_bus_faults
     from rw_ekf.errors import ConfigError
-    from rw_ekf.json_output import print_json
     from rw_ekf.units import rad_s_from_rpm
 
     names = [configuration.wheel.name for configuration in configurations]
@@ -241,30 +230,26 @@ def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) ->
         wheels.append((protocol, plant_of(configuration, effects), own))
 
     def ready(device: str) -> None:
-        if args.json:
-            told = [
-                {
-                    "wheel": name,
-                    "seed": own["seed"],
-                    "truth": plant._asdict() | numbers,
-                    "noise": own["noise"]._asdict(),
-                    "faults": [fault.text for fault in own["faults"]],
-                }
-                for name, (_, plant, own) in zip(names, wheels, strict=True)
-            ]
-            print_json(
-                {
-                    "schema": "rw_ekf.bus_simulation/1",
-                    "link": args.link,
-                    "device": device,
-                    "speed_factor": args.speed_factor,
-                    "faults": [fault.text for fault in of_line],
-                    "wheels": told,
-                }
-            )
-        else:
-            sys.stdout.write(f"simulated wheels {', '.join(names)} at {args.link} ({device}); Ctrl-C ends them\n")
-            sys.stdout.flush()
+        told = [
+            {
+                "wheel": name,
+                "seed": own["seed"],
+                "truth": plant._asdict() | numbers,
+                "noise": own["noise"]._asdict(),
+                "faults": [fault.text for fault in own["faults"]],
+            }
+            for name, (_, plant, own) in zip(names, wheels, strict=True)
+        ]
+        document = {
+            "schema": "rw_ekf.bus_simulation/1",
+            "link": args.link,
+            "device": device,
+            "speed_factor": args.speed_factor,
+            "faults": [fault.text for fault in of_line],
+            "wheels": told,
+        }
+        text = f"simulated wheels {', '.join(names)} at {args.link} ({device}); Ctrl-C ends them"
+        answer(args, lambda: document, lambda: text)
 
     baud = configurations[0].wheel.baud
     serve_bus(wheels, args.link, of_line, args.seed, baud, speed_factor=args.speed_factor, on_ready=ready)

@@ -6,6 +6,7 @@ import argparse
 import sys
 from functools import partial
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import duration_s
 
 HELP = "drag spikes over a directory of runs, and whether their incidence changes"
@@ -36,7 +37,6 @@ def execute(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rw_ekf.commands.undrawn import drawn
-    from rw_ekf.json_output import print_json
     from rw_ekf.logs.picture_file import check_picture_suffix
     from rw_ekf.spikes.trending import spikes_document, spikes_of_directory, spikes_text
 
@@ -49,8 +49,9 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.spikes.spike_picture import spikes_picture
 
         whole = drawn(lambda: spikes_picture(args.out, found))
-    if args.json:
-        print_json(spikes_document(args.directory, found, args.train, warnings))
-    else:
-        sys.stdout.write("\n\n".join(map(spikes_text, found)) + "\n" if found else "no run here was watched\n")
+    answer(
+        args,
+        lambda: spikes_document(args.directory, found, args.train, warnings),
+        lambda: "\n\n".join(map(spikes_text, found)) or "no run here was watched",
+    )
     return 0 if whole else 1

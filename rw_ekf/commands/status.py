@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
@@ -38,13 +38,14 @@ def execute(args: argparse.Namespace) -> int:
     configurations = load_configurations(args.config)
     if args.wheel is not None or len(configurations) == 1:
         document, status = _of_wheel(one_of_wheels(configurations, args.config, args.wheel))
-        return _show(args, document, "\n".join(_lines(document)), status)
+        answer(args, lambda: document, lambda: "\n".join(_lines(document)))
+        return status
     found = [(configuration.wheel.name, *_of_wheel(configuration)) for configuration in configurations]
     statuses = [status for _, _, status in found]
     wheels = [{"wheel": name, **document} for name, document, _ in found]
     text = "\n".join(f"{name}: {line}" for name, document, _ in found for line in _lines(document))
-    agreed = statuses[0] if len(set(statuses)) == 1 else OTHER_STATUS
-    return _show(args, {"schema": "rw_ekf.bus_status/1", "wheels": wheels}, text, agreed)
+    answer(args, lambda: {"schema": "rw_ekf.bus_status/1", "wheels": wheels}, lambda: text)
+    return statuses[0] if len(set(statuses)) == 1 else OTHER_STATUS
 
 
 def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
@@ -132,16 +133,6 @@ def _age_s(utc: Any, now: Any) -> float:
 
     moment = moment_of(utc)
     return float("inf") if moment is None else float((now - moment).total_seconds())
-
-
-def _show(args: argparse.Namespace, document: dict[str, Any], text: str, status: int) -> int:
-    if args.json:
-        from rw_ekf.json_output import print_json
-
-        print_json(document)
-    else:
-        sys.stdout.write(text + "\n")
-    return status
 
 
 def _headline(document: dict[str, Any]) -> str:

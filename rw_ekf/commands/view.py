@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import add_config_option
 
 HELP = "show a run, or the runs of a folder, in a browser"
@@ -63,7 +64,11 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.settings.line import read_line
 
         place = Place(paths, lambda: _stopped(args.config), len(read_line(args.config).wheels))
-    serve(place, host, port, told=lambda address: _tell(address, as_json=args.json))
+
+    def tell(address: str) -> None:
+        answer(args, lambda: {"schema": "rw_ekf.view/1", "address": address}, lambda: address)
+
+    serve(place, host, port, told=tell)
     return 0
 
 
@@ -75,16 +80,6 @@ def host_and_port(text: str) -> tuple[str, int]:
     if not host or not port.isdigit() or int(port) > 65535:
         raise BadInputError(f"{text}: where the page is served is HOST:PORT, such as {DEFAULT_LISTEN}")
     return host.strip("[]"), int(port)
-
-
-def _tell(address: str, *, as_json: bool) -> None:
-    if as_json:
-        from rw_ekf.json_output import print_json
-
-        print_json({"schema": "rw_ekf.view/1", "address": address})
-    else:
-        sys.stdout.write(f"{address}\n")
-    sys.stdout.flush()
 
 
 def _stopped(config: str) -> dict[str, Any]:

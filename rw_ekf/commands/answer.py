@@ -1,0 +1,19 @@
+"""What a verb says when it is done: one JSON document where --json asks for it, else text for a person."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+def answer(args: argparse.Namespace, document: Callable[[], Mapping[str, Any]], text: Callable[[], str]) -> None:
+    """Print the one that is asked for, at once; the other is not made. text: without the newline at its end."""
+    from rw_ekf.json_output import print_json
+
+    if args.json:
+        print_json(document())
+    else:
+        sys.stdout.write(f"{text()}\n")
+        sys.stdout.flush()
