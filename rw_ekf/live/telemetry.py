@@ -77,7 +77,8 @@ class TelemetryCheck:
         self._last: WheelSample | None = None
         self._in_force_A: float | None = None
         self._following: IssuedCommand | None = None
-        self._interval: tuple[float, float] | None = None  # length [s] and mean current [A] of the last interval
+        # Length [s] and mean current [A] of the interval that ends with the sample judged last; None: not known.
+        self.interval: tuple[float, float] | None = None
         self._speed_rad_s: float | None = None  # believed after the last sample
         self._sentences: dict[str, tuple[str, int]] = {}
         self.hold: str | None = None  # why nothing but zero may be written
@@ -104,11 +105,6 @@ class TelemetryCheck:
             self._current.commanded(command)
 
     @property
-    def interval(self) -> tuple[float, float] | None:
-        """Length [s] and mean current [A] of the interval that ends with the sample judged last; None: not known."""
-        return self._interval
-
-    @property
     def restarts_again(self) -> str | None:
         """That the wheel restarts again and again, in words."""
         times = sum(self._restarts)
@@ -120,7 +116,7 @@ class TelemetryCheck:
 
     def estimated(self, estimate: Estimate) -> None:
         """Note what the estimator made of the sample judged last; only an augmented model says more than its belief."""
-        interval, self._interval = self._interval, None
+        interval, self.interval = self.interval, None
         before, self._speed_rad_s = self._speed_rad_s, estimate.state.speed_rad_s
         if not self._stuck or not estimate.effects or interval is None or before is None:
             return
@@ -143,7 +139,7 @@ class TelemetryCheck:
         self._note_identity(identity)
         self._weigh_current(sample, restarted=restarted)
         apart = False
-        self._interval = None
+        self.interval = None
         if self._stuck and sample.speed_rad_s is not None:
             sample, apart = self._weigh(sample, sample.speed_rad_s)
         self._last = sample
@@ -223,7 +219,7 @@ class TelemetryCheck:
             self._in_force_A = None
         dt_s = 0.0 if last is None else sample.time_s - last.time_s
         current_A = self._mean_current(sample, dt_s)
-        self._interval = None if current_A is None else (dt_s, current_A)
+        self.interval = None if current_A is None else (dt_s, current_A)
         used, alive, was_stuck = True, False, any(watch.stuck for watch in self._stuck)
         for watch in self._stuck:
             if watch.hums and not self._confirmed():
