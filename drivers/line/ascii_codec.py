@@ -24,6 +24,7 @@ from rw_ekf.drivers.line.wire_map import STATUS_OK
 
 _CUT = b"\x00"  # before the rest of a line that is too long: none such holds
 _ENDS = re.compile(rb"[\r\n]+")
+_ODD = re.compile(rb"[^\x09\x20-\x7f]")  # no line holds such a byte
 STARTUP_ID = 0x100  # and the number of the line; beyond all registers
 _NOT_OURS = Frame(-1, -1, b"")  # a good line, and none that answers what was asked
 _NOTHING = Frame(-2, -1, b"")  # a line that the map knows to say nothing
@@ -223,7 +224,7 @@ class AsciiCodec:
         content = content.strip(b" \t\r\n")
         while self._prompt and content.startswith(self._prompt):
             content = content[len(self._prompt) :].lstrip()
-        if not content.isascii() or len(content) > LONGEST_LINE or any(byte < 32 and byte != 9 for byte in content):
+        if len(content) > LONGEST_LINE or _ODD.search(content):
             return None
         if not content or not self._framing.has_checksum:
             return content.decode()

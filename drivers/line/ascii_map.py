@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field as Key
-from pydantic import PrivateAttr, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
 from rw_ekf.checking.section import NOT_NULL, Mistake, refuse
 from rw_ekf.drivers.line.ascii_layout import AsciiFraming, AsciiRegister
@@ -30,7 +31,6 @@ class AsciiMap(WireMap):
     startup: tuple[str, ...] = Key((), strict=False, description="lines that make the wheel take commands")
     restarted: Annotated[str | None, NOT_NULL] = Key(None, description="the line that the wheel sends when it starts")
     ignored: tuple[str, ...] = Key((), strict=False, description="lines that say nothing of use")
-    _lines: dict[str, Template] = PrivateAttr(default_factory=dict)
 
     @field_validator("registers", mode="before")
     @classmethod
@@ -114,6 +114,10 @@ class AsciiMap(WireMap):
 
         settings, *more = line
         return AsciiLink(settings, self, *more)
+
+    @cached_property
+    def _lines(self) -> dict[str, Template]:
+        return {}
 
     def line(self, text: str) -> Template:
         """The template of one of refusals, restarted, ignored."""

@@ -220,7 +220,8 @@ class Register(Section):
 
     def __copy__(self) -> Self:
         copied = super().__copy__()
-        vars(copied).pop("packing", None)  # `model_copy` may give it other fields
+        for name in ("packing", "_by_name"):  # `model_copy` may give it other fields
+            vars(copied).pop(name, None)
         return copied
 
     @cached_property
@@ -235,7 +236,11 @@ class Register(Section):
 
     def field(self, name: str) -> Field | None:
         """The field of that name, or None."""
-        return next((field for field in self.fields if field.name == name), None)
+        return self._by_name.get(name)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Field]:
+        return {field.name: field for field in self.fields}
 
 
 class Framing(Section):

@@ -187,7 +187,10 @@ class FaultInjector:
 
     def on(self, kind: str, time_s: float) -> Sequence[FaultAtWork]:
         """Those of a kind that are at work at time_s [s], in the order given."""
-        return self._now(time_s).by_kind.get(kind, ())
+        now = self._found  # as `_now` has it, without a call: it is asked thrice for every look at a line
+        if now.of is not self._at_work or not now.from_s <= time_s < now.until_s:
+            now = self._now(time_s)
+        return now.by_kind.get(kind, ())
 
     def on_line(self, way: str, register: str | None, time_s: float) -> Iterator[FaultAtWork]:
         """Those that work on messages of one way at time_s [s]; register: whose reply it is."""

@@ -40,17 +40,15 @@ class VirtualPort:
 
     def read(self, size: int = 1) -> bytes:
         """Up to `size` bytes, as many as come within POLL_S."""
-        clock = self._cable.clock
-        end_s = clock.monotonic() + POLL_S
-        while True:
-            self._receive()
-            left_s = end_s - clock.monotonic()
-            if len(self._waiting) >= size or left_s <= 0.0:
-                break
-            clock.sleep(min(max(self._cable.next_in_s(), 0.0), left_s))
+        if len(self._waiting) < size or not self._open:
+            self._await(size, POLL_S)
         content = bytes(self._waiting[:size])
         del self._waiting[:size]
         return content
+
+    def await_bytes(self, seconds: float) -> None:
+        """Wait until something has come, as long as by looks of POLL_S [s], the last of which is left to a read."""
+        self._await(1, POLL_S * (math.ceil(seconds / POLL_S) - 1))
 
     def write(self, content: bytes) -> int:
         """Send bytes. Raises SerialTimeoutException where the far end takes none."""
@@ -73,6 +71,17 @@ class VirtualPort:
     def close(self) -> None:
         """Let go of the line."""
         self._open = False
+
+    def _await(self, size: int, seconds: float) -> None:
+        """Let time pass until so many bytes have come, at most so long [s]."""
+        clock = self._cable.clock
+        end_s = clock.monotonic() + seconds
+        while True:
+            self._receive()
+            left_s = end_s - clock.monotonic()
+            if len(self._waiting) >= size or left_s <= 0.0:
+                break
+            clock.sleep(min(max(self._cable.next_in_s(), 0.0), left_s))
 
     def _receive(self) -> None:
         if not self._open:

@@ -77,7 +77,9 @@ class WheelLine:
         if self._faults.on("flood", now_s):
             came = self._stage.junk(FROM, now_s)
             self._push(now_s, RECEIVED, self._stage.junk(TO, now_s))
-        self._send(self.server.unasked(now_s), now_s)
+        unasked = self.server.unasked(now_s)
+        if unasked:
+            self._send(unasked, now_s)
         while self._events and self._events[0][0] <= now_s:
             time_s, _, kind, content = heapq.heappop(self._events)
             if kind == SEND:
