@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.logs.atomic import atomic_path, write_text
 from rw_ekf.settings.resources import protocol_path
@@ -87,8 +88,6 @@ def _place(where: Any) -> str:
 
 def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
     """Write the map `name` with these factors into directory; its path. Raises RefusedError for a field it has not."""
-    import yaml
-
     source = protocol_path(name)
     data = load_yaml(source).data
     if data.get("family") == "can":
@@ -105,7 +104,7 @@ def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
     said = ", ".join(f"{field} ({access}) by {factor:.6g}" for (field, access), factor in factors.items())
     path = directory / MAP_FILE
     head = f"# {source.name}, with scales as `rw-ekf commission` found them: {said}. Comments stand in the original.\n"
-    write_text(path, head + str(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=120)))
+    write_text(path, head + yaml_text(data, default_flow_style=None, width=120))
     return str(path.absolute())
 
 

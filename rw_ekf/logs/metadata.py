@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.parts import beside
@@ -47,10 +48,8 @@ def metadata_path(log: str | Path) -> Path:
 
 def write_metadata(log: str | Path, metadata: RunMetadata) -> Path:
     """Write the metadata beside `log`, all or nothing; gives their path. Raises BadInputError if it cannot."""
-    import yaml
-
     path = metadata_path(log)
-    write_text(path, yaml.safe_dump(_plain(asdict(metadata)), sort_keys=False, allow_unicode=True), follow=False)
+    write_text(path, yaml_text(_plain(asdict(metadata)), allow_unicode=True), follow=False)
     note_file(path)
     return path
 

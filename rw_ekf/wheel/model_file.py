@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.wording import shown
+from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
@@ -106,10 +107,7 @@ class WheelModel:
 
     def to_text(self) -> str:
         """YAML text; floats are written so that they read back exactly."""
-        import yaml
-
-        text: str = yaml.safe_dump(self.document(), sort_keys=False, default_flow_style=None, width=120)
-        return text
+        return yaml_text(self.document(), default_flow_style=None, width=120)
 
 
 def _effect_documents(term: Term) -> list[dict[str, Any]]:
