@@ -102,6 +102,8 @@ def _places_of(value: Any, path: str, rows: list[_Row], sizes_known: bool) -> li
         rows.append(_Row(value.dtype.char, value.ndim, value.shape if is_sized(value, sizes_known) else ()))
         return [f"*rows[{len(rows) - 1}]({path})"]
     if isinstance(value, tuple):
+        if value and all(type(part) in _SIGNS for part in value):
+            return [f"*{path}"]  # fifty parameters at once, not one by one
         parts = [_places_of(part, f"{path}[{i}]", rows, sizes_known) for i, part in enumerate(value)]
         return [place for part in parts for place in part]
     return [path]
