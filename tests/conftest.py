@@ -60,6 +60,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Where several processes share the tests, slow ones come first: none is left alone with a long one at the end."""
+    """Where several processes share the tests, long ones come first: none is left alone with one at the end.
+
+    Groups with a slow test, of which one process has the whole, then slow tests, then groups, then all others.
+    """
     if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+        items.sort(key=lambda item: [item.get_closest_marker(name) is None for name in ("slow", "xdist_group")])
