@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import signal
+import sys
+import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -12,6 +16,8 @@ from rw_ekf.one_thread import ask_for_one_thread
 
 ask_for_one_thread()  # before numpy is loaded
 
+_BEGAN_S = time.time()
+_SETTLED_S = 60.0
 _WAITING = 1  # two more were no faster beside other work, and a reply was late
 
 
@@ -51,6 +57,23 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     missing = cold(DIAGNOSIS)
     if missing:
         compile_all(missing)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_thousands_of_claims() -> Iterator[None]:
+    """Remove the lock files that tests have left: every daemon looks at all there are as it starts.
+
+    Those that are empty, as a daemon leaves them; one written within the last minute may be about to be locked again.
+    """
+    yield
+    claim = sys.modules.get("rw_ekf.live.claim")
+    if claim is None:
+        return
+    for path in claim.shared_directory().glob(f"rw-ekf-{os.geteuid()}-*.lock"):
+        with contextlib.suppress(OSError):  # another process was first
+            file = path.stat()
+            if file.st_size == 0 and _BEGAN_S < file.st_mtime < time.time() - _SETTLED_S:
+                path.unlink()
 
 
 def pytest_collection_finish() -> None:

@@ -231,7 +231,10 @@ def put_shared(path: Path, content: bytes) -> None:
 
 def _all_held() -> list[Claim]:
     """In the directories, and those whose files have been tidied away: who made them has them open all the same."""
-    paths = [path for directory in DIRECTORIES for path in sorted(Path(directory).glob(_PATTERN))]
+    paths: list[str] = []
+    for directory in DIRECTORIES:
+        with contextlib.suppress(OSError):
+            paths += [f"{directory}/{name}" for name in sorted(fnmatch.filter(os.listdir(directory), _PATTERN))]
     for pid in other_processes():
         paths += [path for path, name in open_files(pid) if name.endswith(DELETED) and _is_claim(name)]
     return [claim for claim in map(_held_claim, paths) if claim is not None]
@@ -241,17 +244,17 @@ def _is_claim(name: str) -> bool:
     return fnmatch.fnmatchcase(os.path.basename(name.removesuffix(DELETED)), _PATTERN)
 
 
-def _held_claim(path: Path) -> Claim | None:
+def _held_claim(path: str | Path) -> Claim | None:
     """What a lock file says if it is held; a link, a pipe or a directory in its place is no claim."""
     try:
-        follow = 0 if path.is_relative_to("/proc") else os.O_NOFOLLOW  # there the link is the kernel's
+        follow = 0 if str(path).startswith("/proc/") else os.O_NOFOLLOW  # there the link is the kernel's
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | follow | os.O_NONBLOCK)
     except OSError:
         return None
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode) or _locked(descriptor, fcntl.LOCK_SH):
             return None
-        return _read_claim(path, descriptor)
+        return _read_claim(Path(path), descriptor)
     finally:
         os.close(descriptor)
 

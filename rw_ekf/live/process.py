@@ -137,16 +137,17 @@ def holds_lock(pid: int, file: os.stat_result) -> bool | None:
     return None if hidden else False
 
 
-def open_files(pid: int) -> Iterator[tuple[Path, str]]:
+def open_files(pid: int) -> Iterator[tuple[str, str]]:
     """Every file that a process has open, as (a path that opens it, its name); none where the kernel does not tell."""
-    folder = _PROC / str(pid) / "fd"
+    folder = f"{_PROC}/{pid}/fd"
     try:
         numbers = os.listdir(folder)
     except OSError:
         return
     for number in numbers:
+        path = f"{folder}/{number}"  # no Path: there are thousands, and every daemon looks at all as it starts
         with contextlib.suppress(OSError):
-            yield folder / number, os.readlink(folder / number)
+            yield path, os.readlink(path)
 
 
 def has_open(pid: int, device: str) -> bool:
