@@ -100,6 +100,8 @@ def at_ratio(
     sums, logs, n = linearised.whitened_sums(ratio, scale, linearised.jacobian, linearised.memory_jacobian)
     gram, square = sums[:-1, :-1], float(sums[-1, -1])
     size = gram.shape[0]
+    if not (math.isfinite(logs) and np.isfinite(sums).all()):  # numbers that blow up explain nothing
+        return Likelihood(-math.inf, -math.inf, Noise(scale, ratio), np.zeros(size), np.eye(size), n)
     if size == 0:
         variance = max(square, 1.0e-12) / max(n, 1)
         value = -0.5 * (n * math.log(variance) + logs + n) + float(noise_term(linearised, scale * variance, ratio))

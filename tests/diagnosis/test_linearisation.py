@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,6 +138,18 @@ def test_the_truth_is_beaten_by_chance_alone() -> None:
     assert max(gains) < chi2(4).ppf(1.0 - 1.0e-4)
     assert min(gains) > -2.0  # the two are not judged along quite the same trajectory
     assert 2.0 < np.mean(gains) < 7.0
+
+
+def test_a_model_whose_predictions_blow_up_is_as_unlikely_as_can_be() -> None:
+    """One prediction that is no number, or huge: no likelihood is NaN, of which nothing is the greatest."""
+    record, trajectory = along_truth(400, 3)
+    linearised = linearise(record, TRUTH, trajectory, QUIET, np.zeros(400, dtype=bool))
+    for wild in (math.nan, math.inf, 1.0e200):
+        defect = linearised.chain.defect.copy()
+        defect[200] = wild
+        blown = likelihood(replace(linearised, chain=linearised.chain._replace(defect=defect)), None, QUIET)
+        assert blown.value == -math.inf
+        assert np.isfinite(blown.correction).all()
 
 
 @pytest.mark.parametrize(
