@@ -162,6 +162,9 @@ BLIND = _number(
     "BLIND", 0.025, "share", "a part whose predictions are worse by it for want of knowledge has no say",
     "24 healthy wheels: .016 on average, four times by chance",
 )  # fmt: skip
+UNDOUBTED_P = _number(
+    "UNDOUBTED_P", 1e-6, "p", "below it held-out figures refuse only whichever part is held out, or by turns", "chosen"
+)
 EXPLAINED_SHARE = _number(
     "EXPLAINED_SHARE",
     0.8,
@@ -180,8 +183,8 @@ BEYOND_DOUBT_P = _number(
     "BEYOND_DOUBT_P",
     1e-9,
     "p",
-    "a trifle is let in where nothing else leaves noise; readings far off, torque noise are more than chance; held-out "
-    "figures refuse only whichever part is held out",
+    "a trifle is let in where nothing else leaves noise; readings far off, torque noise are more than chance; "
+    "held-out figures refuse only whichever part is held out",
     "chosen",
 )
 

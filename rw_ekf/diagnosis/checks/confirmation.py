@@ -16,6 +16,7 @@ from rw_ekf.diagnosis.thresholds import (
     GREAT_GAIN,
     LEAST_SIGMAS,
     REAL_GAIN,
+    UNDOUBTED_P,
     WORSE,
     WORSE_NIS,
     WORST,
@@ -36,18 +37,18 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
     What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
     out: half of a record that hardly shows the motor gain, say, may have it several sigma off, and figures in which
     torque noise hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would
-    grow by that alone has no say; where neither has one, stretches are held out by turns. A law without a formula has
-    nothing to show for itself but what it predicts.
+    grow by that alone has no say; where neither has one, and where the two do not agree on what is not quite beyond
+    doubt, stretches are held out by turns. A law without a formula has nothing to show for itself but what it predicts.
     """
     less = more.without(name)
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
-    if worse is not None and p_value < BEYOND_DOUBT_P and knows_size(more, name, LEAST_SIGMAS):
+    if worse is not None and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
         ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
         if not ways:
-            worse = _worse(prepared, less, more, by_turns=True)
+            worse = _worse(prepared, less, more, by_turns=True, clearly=True)
         elif lawful and any(_worse(way, less, more) is None for way in ways):
-            worse = None
+            worse = None if p_value < BEYOND_DOUBT_P else _worse(prepared, less, more, by_turns=True)
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse
@@ -71,14 +72,14 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
     return expected_excess(fit, by_fit_part(way, fit), way.split.fit)
 
 
-def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) -> str | None:
+def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False, clearly: bool = False) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words.
 
     Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
     errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
     number of the other part is off by, which torque noise would hide, shows there. By turns it does wherever the free
-    run is nearer, for numbers are judged so that no half of the record knows: all the rest may not either, so that a
-    figure has to grow by as much as NIS may be off.
+    run is nearer. clearly: where no half of the record knows the numbers all the rest may not either, so that a figure
+    has to grow by as much as NIS may be off.
     """
     judge = performance_by_turns if by_turns else performance
     before, after = (judge(prepared, fit).figures for fit in (less, more))
@@ -86,7 +87,7 @@ def _worse(prepared: Prepared, less: Fit, more: Fit, *, by_turns: bool = False) 
     gain = 1.0 - new / old if old and new else 0.0
     if gain > (REAL_GAIN if by_turns else GREAT_GAIN):
         before = {key: before[key] for key in _FAR_AHEAD}
-    if by_turns:
+    if clearly:
         return worsened(before, after, WORST_NIS - 1.0, WORST_NIS)
     return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P
+from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.logs.row_rules import from_next_row
@@ -28,7 +28,7 @@ def said_of_late_rows(found: Found) -> str:
         return ""
     gain = read_a_row_earlier(prepared).likelihood.value - prepared.base.likelihood.value
     explained = found.fit.likelihood.value - prepared.base.likelihood.value
-    if gain < max(explained, -math.log(BEYOND_DOUBT_P)):
+    if gain < max(explained, -math.log(UNDOUBTED_P)):
         return ""
     return (
         "The log's current seems to stand a row late: as what was in force before each row the model alone explains it "
