@@ -44,7 +44,7 @@ def measured_by_little(found: Found, *, by_turns: bool) -> str:
         return ""
     return (
         " The part of the record that these errors' numbers come from knows them poorly: for that alone, errors held"
-        f" out are some {100.0 * (math.sqrt(1.0 + excess) - 1.0):.0f} % larger than the noise."
+        f" out may well be {100.0 * (math.sqrt(1.0 + excess) - 1.0):.0f} % larger than the noise."
     )
 
 
