@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -39,6 +40,9 @@ class Diagnosed:
         return str(self.directory / MODEL)
 
 
+PROGRESS = re.compile(r"rw-ekf: .+: \d+ of \d+, \d+ s")
+
+
 @pytest.fixture(scope="module")
 def offset(tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
     """A wheel with an undeclared offset torque through P2, diagnosed in a process where every warning is an error."""
@@ -49,7 +53,8 @@ def offset(tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
         [sys.executable, "-W", "error", "-m", "rw_ekf", "diagnose", str(log), "--out", str(directory), "--json"],
         capture_output=True, text=True, cwd=ROOT, timeout=300, check=False,
     )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
+    warned = [line for line in done.stderr.splitlines() if not PROGRESS.fullmatch(line)]  # of a slow machine
+    assert (done.returncode, warned) == (0, [])
     return Diagnosed(log, diagnosis_document(done.stdout), directory)
 
 
