@@ -27,7 +27,9 @@ def prepared(profile: str, seed: int, seconds: float) -> Prepared:
     return prepare(source_of([simulate(profile, seed=seed, duration_s=seconds)]), None, None, "blocks")
 
 
-def refusal(monkeypatch: pytest.MonkeyPatch, *, by_turns: bool = False, **after: float) -> str | None:
+def refusal(
+    monkeypatch: pytest.MonkeyPatch, *, by_turns: bool = False, clearly: bool = False, **after: float
+) -> str | None:
     """What is said of an effect that changes these figures."""
     less: Any = "less"
     more: Any = "more"
@@ -35,7 +37,7 @@ def refusal(monkeypatch: pytest.MonkeyPatch, *, by_turns: bool = False, **after:
     figures = {less: BEFORE, more: {**BEFORE, **after}}
     judge = "performance_by_turns" if by_turns else "performance"
     monkeypatch.setattr(confirmation, judge, lambda _, fit: Performance(figures[fit], nothing, np.zeros(0)))
-    return confirmation._worse(nothing, less, more, by_turns=by_turns)
+    return confirmation._worse(nothing, less, more, by_turns=by_turns, clearly=clearly)
 
 
 def test_an_effect_that_halves_the_free_run_is_not_refused_for_its_nis(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,8 +55,17 @@ def test_by_turns_errors_far_ahead_decide_wherever_the_free_run_is_nearer(monkey
     """90 s of a torque with a clock: free run 2.33 -> 1.27 rpm, one step 1.11 -> 1.24: no torque noise hides it."""
     assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.2, one_step_rms_rpm=1.12) is None
     assert refusal(monkeypatch, by_turns=False, free_run_rms_rpm=1.2, one_step_rms_rpm=1.12) is not None
-    assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.95, one_step_rms_rpm=1.12) is None
-    assert refusal(monkeypatch, by_turns=True, free_run_rms_rpm=1.95, one_step_rms_rpm=1.4) is not None
+
+
+@pytest.mark.parametrize(
+    ("clearly", "one_step_rpm", "stands"), [(True, 1.12, True), (True, 1.4, False), (False, 1.12, False)]
+)
+def test_where_no_half_knows_the_numbers_a_figure_has_to_grow_clearly(
+    monkeypatch: pytest.MonkeyPatch, clearly: bool, one_step_rpm: float, stands: bool
+) -> None:
+    """By a third and more; where the halves know them, and do not agree, as much as by either of them."""
+    found = refusal(monkeypatch, by_turns=True, clearly=clearly, free_run_rms_rpm=1.95, one_step_rms_rpm=one_step_rpm)
+    assert (found is None) is stands
 
 
 def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> None:
