@@ -11,6 +11,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import Stribeck
+from rw_ekf.model.law import Law
 from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, STATE_SIZE, FrictionParameters
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
 
@@ -46,6 +47,11 @@ class Model:
     def known(self) -> int:
         """Number of parameters and coefficients, which come before the refined shapes."""
         return PARAMETER_COUNT + self.effects.size
+
+    @property
+    def sought_laws(self) -> list[Law]:
+        """Its laws whose coefficients are found here, not those that are known from elsewhere."""
+        return [term.law for term in self.terms if term.law is not None and term.law.prior_std]
 
     @property
     def has_memory(self) -> bool:

@@ -44,10 +44,11 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
     worse = _worse(prepared, less, more)
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
-        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
-        if not ways:
+        ways = (way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more))
+        first = next(ways, None)  # of a law without a formula the other part is fitted only where this one cannot tell
+        if first is None:
             worse = _worse(prepared, less, more, by_turns=True, clearly=True)
-        elif lawful and any(_worse(way, less, more) is None for way in ways):
+        elif lawful and any(_worse(way, less, more) is None for way in (first, *ways)):
             worse = None if p_value < BEYOND_DOUBT_P else _worse(prepared, less, more, by_turns=True)
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"

@@ -24,11 +24,11 @@ def laws_left_behind(prepared: Prepared, effects: EffectSet) -> dict[Law, str]:
     """
     found, fit = BeyondLaws(effects), prepared.base
     found.add(prepared.record.course)
-    if not found.laws or fit.model.has_memory:
-        return {}
-    left = {}
+    laws, left = found.laws, dict[Law, str]()
+    if not laws or fit.model.has_memory:
+        return left
     for ground in grounds(fit, prepared.facts, prepared.source.columns):
-        for law, words in found.laws.items():
+        for law, words in laws.items():
             if (ground.quantity, ground.acts_as, ground.column) != (law.quantity, law.acts_as, law.column):
                 continue
             asked = structure(fit, _slopes_beyond(law, ground))

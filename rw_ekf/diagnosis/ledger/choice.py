@@ -51,9 +51,8 @@ def _next(ledger: Ledger, top: Row, refused: set[Key]) -> Row | None:
 
 def _or_one_that_waited(ledger: Ledger, row: Row, refused: set[Key]) -> Row:
     """A row; where it goes with time itself, a likelier one that waited for what goes with the motion."""
-    laws = [term.law for term in row.fit.model.terms if term.law is not None and term.law.prior_std]
     timed = any(quantity_of(CATALOGUE[name]) == "time" for name in row.effects)
-    if not timed and all(law.quantity != "time" for law in laws):
+    if not timed and all(law.quantity != "time" for law in row.fit.model.sought_laws):
         return row
     waited = [other for other in ledger.rows if other.waits and other.key not in refused and other.weight > row.weight]
     return max(waited, key=lambda other: other.weight, default=row)

@@ -73,8 +73,9 @@ class Ledger:
             return known
         effects = fit.model.effects.beyond(self.base.model.effects)
         odds = sum(_ONE_RECORD_ODDS for name in effects if CATALOGUE[name].of_one_record)
-        laws = [term.law for term in fit.model.terms if term.law is not None and term.law.prior_std]
-        odds += sum(_ONE_RECORD_ODDS for law in laws if law.quantity == "time" and len(law.functions) > 1)
+        odds += sum(
+            _ONE_RECORD_ODDS for law in fit.model.sought_laws if law.quantity == "time" and len(law.functions) > 1
+        )
         return Row(effects, fit, log_evidence(fit, effects, self.facts), odds, constructed, waits)
 
     def with_rows(self, fits: Iterable[Fit], *, constructed: bool = False, waits: bool = False) -> Ledger:
