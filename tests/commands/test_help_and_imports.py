@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.cli import VERBS, build_parser, main
+from tests.commands.logs import profile_log
 from tests.contract import check_document
 from tests.live.bench import ROOT, served_wheel, write_config
 
@@ -29,10 +30,10 @@ sys.exit(status)
 """
 
 
-def heavy_imports(*arguments: str) -> tuple[int, str]:
+def heavy_imports(*arguments: str, heavy: tuple[str, ...] = HEAVY) -> tuple[int, str]:
     """Exit status of a command, and which heavy modules it had imported at its end."""
     done = subprocess.run(
-        [sys.executable, "-c", PROBE.format(heavy=HEAVY), *arguments],
+        [sys.executable, "-c", PROBE.format(heavy=heavy), *arguments],
         capture_output=True, text=True, cwd=ROOT, check=False,
     )  # fmt: skip
     return done.returncode, done.stderr.splitlines()[-1]
@@ -212,6 +213,12 @@ def test_stop_imports_nothing_heavy(tmp_path: Path) -> None:
     """`stop` on a wheel loads no heavy module, and nothing of the filter; `tools.measure.startup` has the times."""
     with served_wheel(tmp_path) as bench:
         assert heavy_imports("stop", "--config", str(bench.config())) == (0, "")
+
+
+def test_a_replay_without_a_file_of_settings_loads_no_checker_of_them(tmp_path: Path) -> None:
+    """Of a log of ten minutes that was a tenth of its time, and 8 MB."""
+    log = profile_log(tmp_path / "log.csv", samples=300)
+    assert heavy_imports("replay", str(log), heavy=("pydantic", "matplotlib", "rw_ekf.diagnosis")) == (0, "")
 
 
 def test_a_manual_page_has_every_verb_and_troff_takes_it(capsys: pytest.CaptureFixture[str]) -> None:
