@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main
 from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import chi_square_1_quantile
 from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.numbers import p_text
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.commands.logs import write_log
@@ -82,7 +85,7 @@ def test_a_filter_that_is_wrong_finds_back(rate_hz: float) -> None:
 
 
 def test_the_finding_counts_what_the_gate_predicts() -> None:
-    """Of 1000 readings one refused is chance and three are not; of 100,000 twenty are chance and thirty are not."""
+    """Of 1000 readings one refused is chance, three are not; of 100,000 twenty, not thirty: p is SciPy's binomial."""
 
     def finding(rejected: int, tested: int) -> str | None:
         return RunStatistics(used=tested - rejected, rejected=rejected).gate_finding(GATE)
@@ -95,6 +98,7 @@ def test_the_finding_counts_what_the_gate_predicts() -> None:
         said = finding(rejected, tested)
         assert said is not None
         assert f"{rejected} of {tested} readings" in said
+        assert f"({p_text(binom.sf(rejected - 1, tested, math.erfc(math.sqrt(0.5 * GATE))))})" in said
 
 
 @pytest.mark.parametrize("kind", ["none", "5"])
