@@ -26,7 +26,7 @@ from rw_ekf.hindsight import filtered
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
 from rw_ekf.numbers import plus_minus
-from rw_ekf.starting_point import FilterSetup
+from rw_ekf.starting_point import FilterSetup, left_open
 from rw_ekf.wheel.effect_table import EffectSet
 
 _TURNS = 6
@@ -36,6 +36,7 @@ _MOVED = 3.0  # sigmas by which a constant is another than the model's, to be to
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
 _DISAGREE_P = 1.0e-5
 _FREE = 100.0  # times the model's variances, to ask the log itself
+_AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
 _SHORT = 1.0e-3  # of a reach: a step that is no step
 
 
@@ -50,33 +51,76 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
 
 
 def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
-    """The setup with laws of time as this log makes them likeliest: as they were found, or as they began or ended.
+    """The setup with what has a clock as this log makes it likeliest: as found, as it began or ended, or without it.
 
     What changed in the record that a model was found in has changed before the next one, or not yet; a change that
-    comes at the same time of every run does so again.
+    comes at the same time of every run does so again. So may a friction that settles as a wheel warms up, but one that
+    has run in, or a drag that came once, does not.
     """
     if not changes_with_time(setup.effects):
         return setup
+    ways = [setup]
+    if any(_is_change(term) for term in setup.effects.terms):
+        ways += [replace(setup, effects=_held(setup.effects, end)) for end in (-1, 0)]
+    if any(term.of_its_record for term in setup.effects.terms):
+        ways += [without_record(way) for way in ways]
+
+    def value(way: FilterSetup) -> float:
+        steady = replace(way, constants=without_drift(way.constants))
+        return log_likelihood(filtered(course, steady), way.constants.gate)
+
+    likeliest = max(ways, key=value)
+    gone = [term.id for term in setup.effects.terms if term.of_its_record]
+    if not gone or (likeliest.effects.ids == setup.effects.ids and _comes_again(course, likeliest)):
+        return likeliest
+    likeliest = max((way for way in ways if way.effects.ids != setup.effects.ids), key=value)
+    note = (
+        f"{', '.join(dict.fromkeys(gone))} of the model belonged to the record it was found in: this log is likelier "
+        "without, and what it moved is what this log has"
+    )
+    return replace(likeliest, notes=(*likeliest.notes, note))
+
+
+def _comes_again(course: Course, setup: FilterSetup) -> bool:
+    """Whether what belonged to the model's record has about the model's size in this log, were that open.
+
+    Of two records that wander each its own way the one's course may look a little like the other's.
+    """
+    prior = setup.prior.covariance.copy()
+    coefficients = [(term, value) for term in setup.effects.state_terms for value in term.values]
+    places = [PARAMETERS.stop + at for at, (term, _) in enumerate(coefficients) if term.of_its_record]
+    given = setup.prior.mean[places]
+    prior[places, :] = prior[:, places] = 0.0
+    prior[places, places] = given**2
     steady = replace(setup, constants=without_drift(setup.constants))
-    ways = [setup.effects, *(_held(setup.effects, end) for end in (-1, 0))]
+    run = filtered(course, replace(steady, prior=Belief(setup.prior.mean, prior, setup.prior.effect_ids)))
+    return not was_reset(run) and bool(np.all(np.abs(run.mean[places] - given) < _AGAIN * np.abs(given)))
 
-    def value(effects: EffectSet) -> float:
-        return log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate)
 
-    return replace(setup, effects=max(ways, key=value))
+def without_record(setup: FilterSetup) -> FilterSetup:
+    """The setup without what belonged to the model's record; open is what that has moved by now."""
+    terms, prior = setup.effects.terms, setup.prior
+    stays = [not term.of_its_record for term in setup.effects.state_terms for _ in term.values]
+    places = [*range(PARAMETERS.stop), *(PARAMETERS.stop + at for at, kept in enumerate(stays) if kept)]
+    ids = tuple(name for name, kept in zip(prior.effect_ids, stays, strict=False) if kept)
+    values, covariance = Belief(prior.mean[places], prior.covariance[np.ix_(places, places)]).known(sum(stays))
+    covariance += left_open((term for term in terms if term.of_its_record), prior.parameters, values.size)
+    effects = EffectSet(tuple(term for term in terms if not term.of_its_record))
+    known = Belief.of_known(values, covariance, effects.table().size, effect_ids=ids)
+    return replace(setup, effects=effects, prior=known)
 
 
 def changes_with_time(effects: EffectSet) -> bool:
-    """Whether a set of effects has laws of time."""
-    return any(_passes(term) for term in effects.terms)
+    """Whether a set of effects has something with a clock."""
+    return any(_is_change(term) or term.of_its_record for term in effects.terms)
 
 
-def _passes(term: Term) -> bool:
-    return term.law is not None and term.law.quantity == "time"
+def _is_change(term: Term) -> bool:
+    return term.law is not None and term.law.quantity == "time" and not term.of_its_record
 
 
 def _held(effects: EffectSet, end: int) -> EffectSet:
-    terms = (replace(t, law=t.law.held(end)) if t.law is not None and _passes(t) else t for t in effects.terms)
+    terms = (replace(t, law=t.law.held(end)) if t.law is not None and _is_change(t) else t for t in effects.terms)
     return EffectSet(tuple(terms))
 
 

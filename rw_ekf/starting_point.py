@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from rw_ekf.filter.belief import (
 )
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.bounds import ASSUMED
+from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 DEFAULT_INERTIA_KG_M2 = 1.5e-3
+_MOVED_BY = {"drag": ("coulomb", "static"), "viscous_drag": ("viscous",), "motor_gain": ("motor_gain",)}
+_OPEN = 0.2  # of a parameter, one sigma: what a drift of it has come to by the time of another record
 LEAST_NOISE_RATIO = 1e-3  # of torque noise [1/sqrt(s)] to the readings' own, of a machine that nobody described
 
 
@@ -271,3 +274,18 @@ def note_of_foreign_machine(course: Course, parameters: FrictionParameters, cons
         f"Stribeck speed {omega_s:.3g} rad/s), so that a wrong unit would not show in them; torques are not given, "
         "because its inertia is not known. `--config` settles them otherwise."
     )
+
+
+def left_open(gone: Iterable[Term], parameters: FrictionParameters, size: int) -> Float64Array:
+    """Covariance (size, size) that a model gains where terms are left out that drifted with the clock of its record.
+
+    size: of the four parameters and what follows them. Coulomb and break-away friction drift as one; what comes and
+    goes leaves nothing open.
+    """
+    more = np.zeros((size, size))
+    for term in gone:
+        if not term.effect.local_in_time:
+            of = term.effect.acts_as if term.law is None else term.law.acts_as
+            places = [PARAMETER_NAMES.index(name) for name in _MOVED_BY.get(of, ())]
+            more[np.ix_(places, places)] += (_OPEN * max((parameters[at] for at in places), default=0.0)) ** 2
+    return more

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +14,12 @@ from rw_ekf.cli import main
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, LEARNED
+from rw_ekf.learning.carry import carried_over
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
+from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETERS, FrictionParameters
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
@@ -121,3 +124,79 @@ def test_a_bristle_without_damping_goes_through_another_record() -> None:
     run = replay_log(record, model=known)
     assert run.setup.effects.terms[0].shape == bristle.shape
     assert abs(run.belief.mean[5] - 0.015) < 3.0 * run.belief.std[5]
+
+
+DRIFT, TAU_S = 3.0e-4, 300.0  # rad/s^3: dry friction is 13 % more after ten minutes
+
+
+def drifting(seed: int) -> WheelLog:
+    """Ten minutes of a wheel that runs in."""
+    return run_log(simulated([f"coulomb_drift:rate_rad_s3={DRIFT},time_constant_s={TAU_S}"], seed=seed))
+
+
+def run_in(seed: int) -> WheelLog:
+    """Ten minutes of it later: dry friction stays where the drift has left it."""
+    more = DRIFT * TAU_S
+    wheel = WHEEL._replace(coulomb=WHEEL.coulomb + more, static=WHEEL.static + more)
+    return log_of(Case("run in", "", "effects", (), (), wheel, "identification", 7, seed, 1.0, telemetry=False))
+
+
+def model_with(*terms: Term) -> WheelModel:
+    """What a diagnosis of another record left, the numbers of its effects known to a hundredth."""
+    parameters = FrictionParameters(WHEEL.motor_gain, WHEEL.viscous, WHEEL.coulomb, WHEEL.static)
+    stds = [0.002, 1.0e-5, 5.0e-4, 2.0e-3, *(0.01 * abs(value) for term in terms for value in term.values)]
+    covariance = tuple(tuple(row) for row in np.diag(np.square(stds)).tolist())
+    return WheelModel(parameters, covariance, WHEEL.stribeck_speed_rad_s, effects=EffectSet(terms))
+
+
+def drift_model() -> WheelModel:
+    return model_with(Term(CATALOGUE["coulomb_drift"], (DRIFT,), (0.01 * DRIFT,), (TAU_S, 0.0, 0.0)))
+
+
+def test_a_drift_that_is_over_is_not_forced_on_the_next_log() -> None:
+    """A wheel that has run in: the replay leaves the drift out, says so, and finds its friction; adequate as it is."""
+    log = run_in(5)
+    run = replay_log(log, model=drift_model())
+    assert run.setup.effects.terms == ()
+    assert any("coulomb_drift of the model belonged to the record" in warning for warning in run.warnings)
+    assert not any("not noise" in warning for warning in run.warnings)
+    assert abs(run.belief.parameters.coulomb - WHEEL.coulomb - DRIFT * TAU_S) < 4.0 * run.belief.std[3]
+    assert diagnose_log(log, model=drift_model()).verdict["kind"] == "adequate"
+
+
+def test_a_drift_that_comes_again_is_kept() -> None:
+    """A wheel that warms up in every run, this time by a fifth more: adequate with the drift, of its own size."""
+    model = drift_model()
+    smaller = replace(model, effects=EffectSet((replace(model.effects.terms[0], values=(DRIFT / 1.2,)),)))
+    diagnosis = diagnose_log(drifting(6), model=smaller)
+    assert diagnosis.verdict["kind"] == "adequate"
+    entry = next(item for item in diagnosis.content["candidates"] if item["effect"] == "coulomb_drift")
+    rate = entry["parameters"]["rate_rad_s3"]
+    assert abs(rate["value"] - DRIFT) < 4.0 * rate["std"]
+
+
+def test_a_spike_of_another_record_leaves_no_trace_in_one_without() -> None:
+    """Drag that came once: the next log's replay is without it, and its sigmas are no wider for it."""
+    run = replay_log(run_in(7), model=replace(model(ONSET_S), covariance=drift_model().covariance))
+    assert run.setup.effects.terms == ()
+
+
+def test_a_curve_over_time_of_one_record_is_not_that_of_another() -> None:
+    """A viscous friction that wandered there and does not here: left out, and what it moved is open."""
+    knots = tuple(0.2 * WHEEL.viscous * math.sin(2.0 * math.pi * i / 20.0) for i in range(21))
+    law = Law("time", "viscous_drag", 0.0, 600.0, (knots,))
+    run = replay_log(run_in(8), model=model_with(Term(LEARNED, (1.0,), (0.01,), law=law)))
+    assert run.setup.effects.terms == ()
+    assert not any("not noise" in warning for warning in run.warnings)
+    assert abs(run.belief.parameters.viscous - WHEEL.viscous) < 4.0 * run.belief.std[2]
+
+
+def test_a_run_begins_with_a_friction_that_a_drift_may_have_moved() -> None:
+    """A run goes forward without the drift: dry friction is as open as it may have moved, c and s as one."""
+    carried, notes = carried_over(drift_model())
+    assert carried.effects.terms == ()
+    assert any("coulomb_drift" in note for note in notes)
+    covariance = np.array(carried.covariance)
+    assert math.sqrt(covariance[2, 2]) > DRIFT * TAU_S / WHEEL.coulomb * 0.5 * WHEEL.coulomb
+    assert covariance[2, 3] == pytest.approx(covariance[2, 2], rel=0.01)
+    assert covariance[0, 0] == pytest.approx(0.002**2)

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
-from rw_ekf.starting_point import FilterSetup
+from rw_ekf.starting_point import FilterSetup, left_open
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 
@@ -30,8 +30,9 @@ _KNOWN_BY = {  # effects that already answer for the temperature, where the mode
 def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     """What of a model holds for a run that begins now, and what had to be said about the rest.
 
-    A spike or a drift belongs to the record it was found in. A periodic torque goes on, but its phase is not known any
-    more: sine and cosine start from zero, as uncertain as the amplitude is large.
+    A spike or a drift belongs to the record it was found in; where the drift has left dry friction nobody knows. A
+    periodic torque goes on, but its phase is not known any more: sine and cosine start from zero, as uncertain as the
+    amplitude is large.
     """
     kept: list[Term] = []
     notes: list[str] = []
@@ -43,7 +44,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
         if term.law is not None and term.law.quantity == "time":
             term = replace(term, law=term.law.held(-1))  # noqa: PLW2901
             notes.append(f"{term.id} over time: this run begins with it as it was at the end of its record")
-        elif term.effect.of_one_record:
+        elif term.of_its_record:
             notes += [f"{term.id} belongs to the record it was found in and is not carried into this run"] * len(at)
             continue
         places += at
@@ -55,6 +56,8 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
         kept.append(term)
     kept += [term for term in model.effects.terms if not term.effect.in_state]
     rows = covariance[np.ix_(places, places)]
+    gone = [term for term in model.effects.terms if term.law is None and term.of_its_record]
+    rows += left_open(gone, model.parameters, len(places))
     return replace(model, covariance=_as_rows(rows), effects=EffectSet(tuple(kept))), notes
 
 

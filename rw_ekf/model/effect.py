@@ -265,6 +265,12 @@ class Term:
         return math.hypot(*self.values)
 
     @property
+    def of_its_record(self) -> bool:
+        """Whether it belongs to the clock of the record it was found in; a change may have come before another."""
+        is_change = self.effect.of_one_record and self.law is not None
+        return not is_change and (self.effect.of_one_record or (self.law is not None and self.law.quantity == "time"))
+
+    @property
     def refined(self) -> tuple[int, ...]:
         """Places of the shape constants that a fit moves with the rest: one that is 0, as Dahl's damping, is none."""
         return tuple(place for place in self.effect.refined if self.shape[place] != 0.0)

@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.result import Diagnosis
-from rw_ekf.effects.catalogue import CATALOGUE, LEARNED
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.log_replay import replay_log
 from rw_ekf.model.effect import Term
 from rw_ekf.model.law import Law
@@ -141,14 +141,15 @@ def test_where_a_log_goes_beyond_a_law_that_is_said() -> None:
     assert any("and sought anew" in text for text in document["warnings"])
 
 
-def test_a_model_with_a_law_of_time_and_hidden_states_is_a_base_for_the_next_log() -> None:
-    """What friction remembers stands behind the coefficients in a filter's state, whatever a law of time is held at."""
+@pytest.mark.parametrize(("of", "size"), [("change", 5 + 2 + 1), ("learned_law", 5 + 1 + 1)])
+def test_a_model_with_a_law_of_time_and_hidden_states_is_a_base_for_the_next_log(of: str, size: int) -> None:
+    """What friction remembers stands behind the coefficients, where a change is held at an end and a curve left out."""
     change = Law("time", "torque", 280.0, 280.01, ((0.0, 1.0),), spread=(2.0,))
     bristle = Term.of(CATALOGUE["presliding_hysteresis"], (0.3, 0.0, 0.0), 0.05)
-    terms = (Term(LEARNED, (0.05,), (0.01,), law=change), bristle)
+    terms = (Term(CATALOGUE[of], (0.05,), (0.01,), law=change), bristle)
     model = WheelModel(CK13_STATISTICAL, tuple(tuple(row) for row in 1e-6 * np.eye(6)), 0.42, effects=EffectSet(terms))
     prepared = prepare(source_of([Nameless("", 1011).log()]), None, model, "blocks")
-    assert prepared.setup.prior.mean.size == prepared.setup.effects.table().size == 5 + 2 + 1
+    assert prepared.setup.prior.mean.size == prepared.setup.effects.table().size == size
 
 
 @pytest.mark.parametrize("seed", [21, 22, 23, 24])

@@ -234,7 +234,7 @@ def _aged(model: WheelModel) -> Belief:
     aged = Belief.of_known(model.parameters, _WIDENED**2 * covariance + np.diag(width**2))
     coefficients = [(term, value) for term in model.effects.state_terms for value in term.values]
     for at, (term, value) in enumerate(coefficients, start=len(model.parameters)):
-        ageing = 0.0 if term.effect.of_one_record else _AGEING * abs(value)
+        ageing = 0.0 if term.effect.local_in_time else _AGEING * abs(value)
         std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), ageing)
         aged = aged.with_coefficient(term.id, value, max(std, 1.0e-9 * max(abs(value), 1.0)))
     known = aged.known(len(coefficients))
