@@ -20,6 +20,7 @@ _OFF_GRID = 0.4  # of a period, by which a step may miss a whole number of them:
 _ON_GRID = 0.95  # of the gaps must be a whole number of periods; of gaps of any length four in five are
 _TURNS, _LONG = 4, 4.0  # rounds in which the period is refined, over steps shorter than so many of it
 _SPARSE = 5.0  # periods a row: where more are lost it is no grid, but rows that come in batches
+_AROUND = 5  # changes on either side
 _MOST_FILLED = 9  # rows of a gap: over more nothing is known of the current
 _LEAST_STEPS = 20
 _TOLD = 0.005  # share of rows lost that is worth a word
@@ -244,12 +245,25 @@ def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
     lost = np.where(same, np.round(step / sampling.period_s) - 1.0, 0.0)
     lost = np.maximum(lost, 0.0).astype(int)
     change = np.abs(np.diff(log.current_A))
-    usual = float(np.median(change[same & (lost == 0)])) if (same & (lost == 0)).any() else 0.0
-    gain, noise = _rough(log, same & (lost == 0))
-    moved = gain * np.maximum(change, usual) * lost * sampling.period_s / math.sqrt(12.0)
+    regular = same & (lost == 0)
+    gain, noise = _rough(log, regular)
+    moved = gain * np.maximum(change, _usual(change, regular)) * lost * sampling.period_s / math.sqrt(12.0)
     cut = (lost > 0) & ((moved > _DOUBT * noise) | (lost > _MOST_FILLED))
     filled = np.where(cut, 0, lost)
     return _with_rows(log, filled, cut)
+
+
+def _usual(change: Float64Array, regular: BoolArray) -> Float64Array:
+    """By how much a command may have gone there and back where rows are lost, (n - 1,): as it changes around there.
+
+    The median of all changes, or the mean of those nearby if that is more: a limit that chatters lasts a few rows.
+    """
+    if not regular.any():
+        return np.zeros(change.size)
+    around = np.ones(2 * _AROUND + 1)
+    known, count = (np.convolve(of, around, "same") for of in (np.where(regular, change, 0.0), regular.astype(float)))
+    nearby: Float64Array = known / np.maximum(count, 1.0)
+    return np.maximum(nearby, float(np.median(change[regular])))
 
 
 def _rough(log: WheelLog, regular: BoolArray) -> tuple[float, float]:

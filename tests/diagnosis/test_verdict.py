@@ -10,12 +10,14 @@ import pytest
 
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, residual_tests
+from rw_ekf.diagnosis.checks.swallowed import NOTHING
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.investigate.investigation import investigate
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.verdict import conclude
-from rw_ekf.diagnosis.verdict.posterior import unlikely
+from rw_ekf.diagnosis.verdict.explanations import Explanation
+from rw_ekf.diagnosis.verdict.posterior import posterior_of, unlikely
 from rw_ekf.diagnosis.verdict.sentences import or_another_kind
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from tests.diagnosis.simulated import log_of, simulated
@@ -72,6 +74,36 @@ def test_a_document_of_what_is_doubted_contradicts_itself_nowhere(monkeypatch: p
     assert document["after"] == document["before"]
     assert not any(row["stands"] for row in document["ledger"])
     assert "added" not in {one["decision"] for one in document["candidates"]}
+
+
+def test_what_foretells_better_and_is_no_cause_is_a_description(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something else is likelier: nothing is named, and the model that halves the errors is written all the same."""
+    monkeypatch.setattr(conclude, "unlikely", lambda found, posterior: found.new_ids)
+    monkeypatch.setattr(conclude, "posterior_of", lambda *args: {**posterior_of(*args), "something_else": 0.9})
+    diagnosis = diagnose_log(log_of(simulated(["viscous_temperature"], seed=5)))
+    document = diagnosis.document()
+    assert (document["verdict"]["kind"], document["verdict"]["effects"]) == ("unexplained", [])
+    assert "likelier (90 %) behind this log than what comes nearest to it" in document["verdict"]["statement"]
+    assert "as a description, and as no cause" in document["verdict"]["statement"]
+    assert diagnosis.model is not None
+    assert diagnosis.model.effects.ids == ("viscous_temperature",)
+    assert document["after"]["free_run_rms_rpm"] < 0.5 * document["before"]["free_run_rms_rpm"]
+    assert "added" not in {one["decision"] for one in document["candidates"]}
+
+
+def test_something_else_is_instead_of_what_foretells_little_and_beside_what_foretells_all() -> None:
+    """What is left is no noise: an effect that takes off a tenth of the error is not named, one that takes all is."""
+    prepared = prepare(source_of([log_of(simulated(["quadratic_drag"], seed=5))]), None, None, "blocks")
+    found = investigate(prepared, lambda _: None)
+    weighed = [Explanation(tuple(found.new_ids), found.fit, 0.0, 1.0)]
+
+    def chance(foretold: float) -> float:
+        posterior = posterior_of(found, weighed, None, NOTHING, 1e-20, foretold)
+        assert posterior["something_else"] > 0.9
+        return posterior[found.new_ids[0]]
+
+    assert chance(0.1) < 0.2
+    assert 0.5 < chance(1.0) < 0.6
 
 
 def test_no_sentence_stands_against_a_test_of_its_own_document() -> None:

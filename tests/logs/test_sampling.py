@@ -122,6 +122,22 @@ def test_a_refresh_regular_in_time_is_known_in_rows_at_any_moment() -> None:
     assert sampling_of(log_of(time, read)).refresh_s == pytest.approx(0.2, rel=0.05)
 
 
+def test_a_row_that_is_lost_where_a_limit_chatters_is_not_bridged() -> None:
+    """Between two rows of one current a command that goes there and back in each row may have been anything."""
+    time = 0.1 * np.arange(1200, dtype=float)
+    noise = 0.05 * np.random.default_rng(3).standard_normal(1200)
+    chatters = np.abs(time - 90.0) < 2.0
+    current = np.where(chatters, np.where(np.arange(time.size) % 2, 0.3, -0.2), 0.1 * np.sign(np.sin(0.2 * time)))
+    speed = np.asarray(np.cumsum(1.5 * np.append(0.0, current[:-1])) + noise)
+    quiet, chattering = 300, 901
+    keep = np.ones(time.size, dtype=bool)
+    keep[[quiet, chattering]] = False
+    log = log_of(time[keep], speed[keep], current[keep])
+    whole = mended(log, sampling_of(log))
+    assert list(whole.time_s[1:][np.diff(whole.segment) > 0]) == [pytest.approx(time[chattering + 1])]
+    assert whole.time_s.size == log.time_s.size + 1
+
+
 @pytest.mark.parametrize("kind", ["coarse grid", "register of half an rpm", "stands half the time"])
 def test_a_grid_and_a_wheel_at_rest_are_not_held(kind: str) -> None:
     """Repeats that rounding or standing still explain stay readings."""

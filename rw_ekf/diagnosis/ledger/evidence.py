@@ -36,10 +36,12 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
     spread evenly in their logarithm from the smallest that matters to the largest possible, places evenly. A friction
     that wanders is one effect, however many its pieces: they are drawn from one distribution, and integrated out.
     """
-    pieces = list(fit.model.of(WANDERING.id))
+    pieces = [term for term in fit.model.of(WANDERING.id) if not term.settled]
     if len(pieces) > 1 and WANDERING.id in effects:
         rest = tuple(name for name in effects if name != WANDERING.id)
-        return log_evidence_with_walk(fit.without(WANDERING.id), rest, pieces, facts)
+        given = [term for term in fit.model.of(WANDERING.id) if term.settled]  # a drift of the model's is no piece
+        less = fit.refitted(fit.model.without(WANDERING.id).with_terms(*given))
+        return log_evidence_with_walk(less, rest, pieces, facts)
     model = replace(
         fit.model,
         effects=replace(fit.model.effects, terms=tuple(replace(t, settled=True) for t in fit.model.effects.terms)),

@@ -22,11 +22,11 @@ from rw_ekf.diagnosis.outcome import ModelTrace
 from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import Decision, Reason
-from rw_ekf.diagnosis.thresholds import GRID_GAINS
+from rw_ekf.diagnosis.thresholds import GRID_GAINS, WORSE
 from rw_ekf.diagnosis.verdict.document import document_of
 from rw_ekf.diagnosis.verdict.explanations import weighed_explanations
 from rw_ekf.diagnosis.verdict.judged import Judged
-from rw_ekf.diagnosis.verdict.posterior import posterior_of, unlikely
+from rw_ekf.diagnosis.verdict.posterior import SOMETHING_ELSE, posterior_of, unlikely
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.filter.evenness import unevenness
@@ -74,21 +74,30 @@ def judgement(found: Found, advance: Advance) -> Judged:
     white = left_over(stands)
     tests = residual_tests(white, rounded=rounded)
     failed = failed_tests(tests)
-    posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0))
+    foretold = 1.0 - (1.0 - 0.01 * max(percent_better(before.figures, after.figures) or 0.0, 0.0)) ** 2
+    posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0), foretold)
     doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
     reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
     for name in found.new_ids:
         selection = selection.decided(name, Decision(reason))
     found = replace(found, selection=selection)
+    describes = bool(doubted) and posterior[SOMETHING_ELSE] > 0.5 and _is_smaller(before, after)
     verdict = verdict_on(
-        Evidence(found, lattice, posterior, before, after, heldout_s, by_turns, failed, noise.sentence, doubted)
+        Evidence(
+            found, lattice, posterior, before, after, heldout_s, by_turns, failed, noise.sentence, doubted, describes
+        )
     )
     advance("writing the model")
-    model = augmented_model(found, lattice) if is_better and not doubted else None
+    model = augmented_model(found, lattice) if is_better and (describes or not doubted) else None
     refusal = None if model is None else refusal_of(model)
     uneven = None if rounded else unevenness(white, stands.trajectory.speed)
     kept = None if refusal is not None else model
     return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
+
+
+def _is_smaller(before: Performance, after: Performance) -> bool:
+    """Whether held-out errors are clearly smaller, by as much as they may not grow."""
+    return (percent_better(before.figures, after.figures) or 0.0) > 100.0 * WORSE
 
 
 def _figures(found: Found) -> tuple[Performance, Performance, bool]:

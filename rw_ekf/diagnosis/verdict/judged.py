@@ -35,4 +35,4 @@ class Judged:
     @property
     def is_better(self) -> bool:
         """Whether there is a model that is better than the base."""
-        return self.verdict.kind == "effect"
+        return self.verdict.kind == "effect" or self.model is not None

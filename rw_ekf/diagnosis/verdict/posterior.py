@@ -14,7 +14,7 @@ from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
 from rw_ekf.diagnosis.verdict.explanations import NONE, Explanation
-from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.effects.catalogue import CATALOGUE, GRID, LEARNED
 from rw_ekf.model.effect_kinds import LawEffect
 
 SOMETHING_ELSE = "something_else"
@@ -24,21 +24,29 @@ _LEAST = 1.0e-3  # less is left out
 
 
 def posterior_of(
-    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: Noises, residual_p: float
+    found: Found,
+    weighed: list[Explanation],
+    lattice: Lattice | None,
+    noise: Noises,
+    residual_p: float,
+    foretold: float,
 ) -> dict[str, float]:
     """Probability of each effect beyond the base model, of none, and of something else; they may come together.
 
     weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named; noise:
-    what the noises show; residual_p: of the clearest failed test of the residual, or 1.
+    what the noises show; residual_p: of the clearest failed test of the residual, or 1; foretold: the share of the
+    squares of the held-out error that is gone with what was found.
     """
     elsewhere = something_else(found, noise.p_value, residual_p)
     # What a noise has swallowed stands beside an effect. Only where it is larger in some places than in others may it
     # be what an effect was taken for.
     instead = something_else(found, 1.0 if noise.torque is None else noise.torque.p_value, residual_p)
+    instead /= 1.0 + foretold  # to an effect that foretells all there is, something else is as likely beside as instead
     chances: dict[str, float] = {}
     for item in weighed:
         for name in item.effects or (NONE,):
-            share = 1.0 - (instead if item.effects and found.new_ids else elsewhere)
+            doubt = instead if item.effects and found.new_ids else elsewhere
+            share = 1.0 - doubt * ((1.0 - foretold) if name == LEARNED.id else 1.0)  # a curve claims no cause
             chances[name] = chances.get(name, 0.0) + share * item.posterior
     if lattice is not None:
         chances[GRID.id] = 1.0 / (1.0 + math.exp(-0.5 * (lattice.statistic + lattice.heldout_statistic)))
@@ -61,12 +69,8 @@ def something_else(found: Found, noise_p: float, residual_p: float) -> float:
 
 
 def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
-    """Effects of a verdict that are, with all that cannot be told from them, less likely than not.
-
-    Among what was weighed: that something else may be behind it is told beside what is named, with its chance.
-    """
-    weighed = 1.0 - posterior.get(SOMETHING_ELSE, 0.0)
-    return [name for name in found.new_ids if _with_rivals(found, name, posterior) < 0.5 * weighed]
+    """Effects of a verdict that are, with all that cannot be told from them, less likely than not."""
+    return [name for name in found.new_ids if _with_rivals(found, name, posterior) < 0.5]
 
 
 def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:

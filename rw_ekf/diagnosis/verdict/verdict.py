@@ -55,6 +55,7 @@ class Evidence:
     failed: Mapping[str, float]  # what tests of the residual found that noise does not have, in words, with its p
     noisy: str | None  # what the noises have swallowed, in words
     doubted: list[str] = field(default_factory=list)  # effects that were found and are less likely than not
+    describes: bool = False  # those foretell the record better all the same
 
 
 def verdict_on(shown: Evidence) -> Verdict:
@@ -63,6 +64,8 @@ def verdict_on(shown: Evidence) -> Verdict:
     named = bool(found.new_ids) or shown.lattice is not None
     if found.is_unexplained:
         text = _of_no_catalogue(found)
+    elif shown.describes:
+        text = _description(shown)
     elif shown.doubted or (not named and _lacks_something(shown.posterior)):
         text = (
             "This log wants more than the model, and does not settle what: "
@@ -98,6 +101,17 @@ def _of_no_catalogue(found: Found) -> str:
     return (
         f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect of the "
         f"catalogue explains{partly}; see the map of the residual for its shape."
+    )
+
+
+def _description(shown: Evidence) -> str:
+    """What comes nearest where something else is likelier: no cause, and a model that foretells better."""
+    found, chance = shown.found, chance_text(shown.posterior[SOMETHING_ELSE])
+    nearest = "; ".join(sentence_of(found.reported, name, found.prepared.facts) for name in found.new_ids)
+    return (
+        f"Something that is in no catalogue is likelier ({chance}) behind this log than what comes nearest to it: "
+        f"{nearest}. With that {_gained(shown, list(found.new_ids))}: the model holds it as a description, and as no "
+        f"cause; {_what_is_left(shown)}."
     )
 
 
