@@ -47,10 +47,7 @@ def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, 
     n = record.course.time_s.size
     noise = Noise(noise_rad_s**2, 1.0e-2)
     none = np.zeros(n, dtype=bool)
-    fits: list[Fit] = []
-    for trajectory in starts:  # noises that one fit has found are near those of the next
-        begun = fits[-1].noise if fits else noise
-        fits.append(fit_model(Problem(record, prior, none), Start(model, trajectory, begun)))
+    fits = [fit_model(Problem(record, prior, none), Start(model, trajectory, noise)) for trajectory in starts]
     fit = max(fits, key=lambda item: item.likelihood.value)
     spikes = outliers(fit)
     if spikes.any() and spikes.sum() <= OUTLIER_SHARE * n:

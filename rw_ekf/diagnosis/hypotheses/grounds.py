@@ -95,6 +95,7 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     yield Ground("speed", "drag", speed, dry, (0, 1))
     if facts.top_current_A > 0.0:
         yield Ground("speed_size", "motor_gain", np.abs(speed), gain)
+        yield Ground("speed", "motor_gain", speed, gain)
         yield Ground("current_along_motion", "drag", along, dry, (1,))
         yield Ground("current_size", "motor_gain", np.abs(current), gain)
         yield Ground("current_size", "torque", np.abs(current), drive, steady)

@@ -17,7 +17,7 @@ from rw_ekf.diagnosis.hypotheses.candidates import Score
 from rw_ekf.diagnosis.hypotheses.event import fitted_at
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
-from rw_ekf.diagnosis.thresholds import DEEPER, OWN_GAIN
+from rw_ekf.diagnosis.thresholds import OWN_GAIN, TIE
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
@@ -107,7 +107,7 @@ def _in_deepest_valley(selection: Selection, name: str, facts: RecordFacts) -> S
     less, model = selection.without(name), final.model.without(name)
     sketches = [less.sketched(model.with_terms(Term.at(effect, start))) for start in starts]
     best = max(sketches, key=lambda fit: fit.likelihood.value)
-    if best.likelihood.value < final.likelihood.value + DEEPER:
+    if best.likelihood.value < final.likelihood.value + TIE:
         return selection
     deepest = best.refitted(best.model)
     trial = selection.trials[name].found_by(2.0 * (deepest.likelihood.value - less.likelihood.value), facts)

@@ -12,7 +12,7 @@ import math
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
+from rw_ekf.diagnosis.thresholds import BESIDE, ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
 from rw_ekf.diagnosis.verdict.explanations import NONE, Explanation
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, LEARNED
 from rw_ekf.model.effect_kinds import LawEffect
@@ -41,7 +41,7 @@ def posterior_of(
     # What a noise has swallowed stands beside an effect. Only where it is larger in some places than in others may it
     # be what an effect was taken for.
     instead = something_else(found, 1.0 if noise.torque is None else noise.torque.p_value, residual_p)
-    instead /= 1.0 + foretold  # to an effect that foretells all there is, something else is as likely beside as instead
+    instead /= 1.0 + BESIDE * foretold**2
     chances: dict[str, float] = {}
     for item in weighed:
         for name in item.effects or (NONE,):
