@@ -157,7 +157,11 @@ def arc(count: int, angle: float, turned: float) -> Place:
 
 
 def law_place(count: int, first: float, per: float, over: int, now: Moment) -> Place:
-    """Where a law of the quantity `over` is looked at in a piece (`StaticEffect` says what a piece is)."""
+    """Where a law of the quantity `over` is looked at in a piece (`StaticEffect` says what a piece is).
+
+    A law of the signed speed, on an even number of knots about zero, jumps there: what differs by direction does so at
+    any speed.
+    """
     if over == _ANGLE:
         return arc(count, now.angle, now.omega * now.duration)
     at, by_speed = now.omega, 0.0
@@ -177,7 +181,10 @@ def law_place(count: int, first: float, per: float, over: int, now: Moment) -> P
         at = now.columns[over - _COLUMN]
     if math.isnan(at):  # a column that was not logged
         return Place(-1, 0.0, 0.0, 0, 0.0, 0.0, 0.0)
-    return point(count, first, per, at, by_speed)
+    found = point(count, first, per, at, by_speed)
+    if over == _SPEED and first < 0.0 and 2 * (found.knot + 1) == count:
+        return Place(found.knot, 0.5 + 0.5 * motion(now.omega, now.current), 0.0, 0, 0.0, 0.0, 0.0)
+    return found
 
 
 def law_value(values: Any, sums: Any, start: int, count: int, place: Place) -> tuple[float, float]:

@@ -141,6 +141,21 @@ def test_where_a_log_goes_beyond_a_law_that_is_said() -> None:
     assert any("and sought anew" in text for text in document["warnings"])
 
 
+def test_a_gain_that_differs_by_direction_is_a_law_of_the_signed_speed() -> None:
+    """Two percent less one way round: it jumps at rest, and neither a spell nor a drift is named; adequate with it."""
+    diagnosis = diagnose_log(Nameless("speed, gain", 1005).log())
+    assert diagnosis.verdict["effects"] == ["learned_law"]
+    assert diagnosis.model is not None
+    (term,) = diagnosis.model.effects.terms
+    assert term.law is not None
+    assert (term.law.quantity, term.law.acts_as) == ("speed", "motor_gain")
+    values = term.law.values(term.values)
+    half = values.size // 2
+    assert np.mean(values[:half]) - np.mean(values[half:]) == pytest.approx(-0.02, abs=0.004)
+    following = diagnose_log(Nameless("speed, gain", 1011).log(), model=diagnosis.model)
+    assert following.verdict["kind"] == "adequate"
+
+
 @pytest.mark.parametrize(("of", "size"), [("change", 5 + 2 + 1), ("learned_law", 5 + 1 + 1)])
 def test_a_model_with_a_law_of_time_and_hidden_states_is_a_base_for_the_next_log(of: str, size: int) -> None:
     """What friction remembers stands behind the coefficients, where a change is held at an end and a curve left out."""

@@ -84,6 +84,7 @@ LAWS: dict[str, Law] = {  # and those of one quantity each, of 3 to 10 % of Coul
     "current, square": lambda m: Made(drag=0.10 * C * (m.current / TOP_A) ** 2),
     "current, gain": lambda m: Made(gain=-0.03 * math.exp(-abs(m.current) / 0.1)),
     "current, halves": lambda m: Made(gain=0.05 if m.current < 0.0 else 0.0),  # of a bridge, one half the stronger
+    "speed, gain": lambda m: Made(gain=-0.02 if m.omega < 0.0 else 0.0),
     "voltage, gain": lambda m: Made(gain=0.02 * math.tanh(2.0 * (m.voltage - 28.0))),
     "voltage, drag": lambda m: Made(drag=0.06 * C * (m.voltage - 28.0)),
     "pressure, drag": lambda m: Made(drag=0.08 * C * math.sqrt(m.pressure / 800.0)),

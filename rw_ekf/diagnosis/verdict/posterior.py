@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 
+from rw_ekf.diagnosis.checks.command_lines import chance_of_answer
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import BESIDE, ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
 from rw_ekf.diagnosis.verdict.explanations import NONE, Explanation
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, LEARNED
+from rw_ekf.effects.external_torque import ExternalTorque
 from rw_ekf.model.effect_kinds import LawEffect
 
 SOMETHING_ELSE = "something_else"
@@ -42,11 +44,13 @@ def posterior_of(
     # be what an effect was taken for.
     instead = something_else(found, 1.0 if noise.torque is None else noise.torque.p_value, residual_p)
     instead /= 1.0 + BESIDE * foretold**2
+    answer = chance_of_answer(found.fit, found.prepared.record.course)
     chances: dict[str, float] = {}
     for item in weighed:
         for name in item.effects or (NONE,):
             doubt = instead if item.effects and found.new_ids else elsewhere
             share = 1.0 - doubt * ((1.0 - foretold) if name == LEARNED.id else 1.0)  # a curve claims no cause
+            share *= 1.0 - (answer if name == ExternalTorque.id else 0.0)
             chances[name] = chances.get(name, 0.0) + share * item.posterior
     if lattice is not None:
         chances[GRID.id] = 1.0 / (1.0 + math.exp(-0.5 * (lattice.statistic + lattice.heldout_statistic)))
@@ -55,7 +59,7 @@ def posterior_of(
         name: chance for name, chance in chances.items() if name != NONE and (chance >= _LEAST or name in found.new_ids)
     }
     ranked = dict(sorted(kept.items(), key=lambda item: -item[1]))
-    return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: elsewhere}
+    return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: max(elsewhere, answer)}
 
 
 def something_else(found: Found, noise_p: float, residual_p: float) -> float:

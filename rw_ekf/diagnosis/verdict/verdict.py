@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rw_ekf.diagnosis.checks.command_lines import chance_of_answer
 from rw_ekf.diagnosis.checks.heldout import Performance, percent_better
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.hypotheses.confounding import Quantity, one_and_the_same, quantity_of, separates
@@ -108,6 +109,8 @@ def _description(shown: Evidence) -> str:
     """What comes nearest where something else is likelier: no cause, and a model that foretells better."""
     found, chance = shown.found, chance_text(shown.posterior[SOMETHING_ELSE])
     nearest = "; ".join(sentence_of(found.reported, name, found.prepared.facts) for name in found.new_ids)
+    if chance_of_answer(found.fit, found.prepared.record.course) > 0.5:
+        nearest += " (a period of the command's own: what answers the command late may look like that)"
     return (
         f"Something that is in no catalogue is likelier ({chance}) behind this log than what comes nearest to it: "
         f"{nearest}. With that {_gained(shown, list(found.new_ids))}: the model holds it as a description, and as no "
