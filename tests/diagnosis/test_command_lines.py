@@ -25,12 +25,12 @@ def chance(current_A: Float64Array, *periods_s: float) -> float:
 
 
 def test_a_torque_at_a_line_of_the_command_is_likelier_an_answer_to_it() -> None:
-    """Two sines command, and a torque has the period of one: three in four; of both: nearly sure."""
-    assert 0.7 < chance(SINES, 20.9) < 0.95
-    assert chance(SINES, 20.9, 48.0) > 0.99
+    """Two sines command, and a torque has the period of one: more likely than not; of both: nearly sure."""
+    assert 0.6 < chance(SINES, 20.9) < 0.9
+    assert chance(SINES, 20.9, 48.0) > 0.98
 
 
-@pytest.mark.parametrize("period_s", [31.0, 7.3, 97.0])
+@pytest.mark.parametrize("period_s", [31.0, 7.3, 97.0, 20.6])
 def test_a_torque_at_any_other_period_is_none(period_s: float) -> None:
     """A pump, a structure: nothing to do with the command."""
     assert chance(SINES, period_s) == 0.0

@@ -37,8 +37,9 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
     What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
     out: half of a record that hardly shows the motor gain, say, may have it several sigma off, and figures in which
     torque noise hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would
-    grow by that alone has no say; where neither has one, and where the two do not agree on what is not quite beyond
-    doubt, stretches are held out by turns. A law without a formula has nothing to show for itself but what it predicts.
+    grow by that alone has no say. Where neither has one, where the two do not agree on what is not quite beyond doubt,
+    and where the only one that has a say refuses what is beyond it, stretches are held out by turns. A law without a
+    formula has nothing to show for itself but what it predicts.
     """
     less = more.without(name)
     worse = _worse(prepared, less, more)
@@ -48,8 +49,13 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
         first = next(ways, None)  # of a law without a formula the other part is fitted only where this one cannot tell
         if first is None:
             worse = _worse(prepared, less, more, by_turns=True, clearly=True)
-        elif lawful and any(_worse(way, less, more) is None for way in (first, *ways)):
-            worse = None if p_value < BEYOND_DOUBT_P else _worse(prepared, less, more, by_turns=True)
+        elif lawful:
+            asked = (first, *ways)
+            agrees = any(_worse(way, less, more) is None for way in asked)
+            if agrees and p_value < BEYOND_DOUBT_P:
+                worse = None
+            elif agrees or (len(asked) == 1 and p_value < BEYOND_DOUBT_P):
+                worse = _worse(prepared, less, more, by_turns=True)
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse
