@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.checks.heldout import performance
+from rw_ekf.diagnosis.checks.residual_map import Dependence
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, residual_tests
 from rw_ekf.diagnosis.checks.swallowed import NOTHING
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.investigation import investigate
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
@@ -32,7 +35,9 @@ def test_the_kind_is_that_of_what_is_likeliest() -> None:
     figures = performance(prepared, found.selection.base)
     assert found.new_ids == []
 
-    def called(none: float, elsewhere: float = 0.1) -> tuple[str, str]:
+    mapped = replace(found, is_unexplained=True, left=[Dependence("speed", 27.6, 2, 2e-4)])
+
+    def called(none: float, elsewhere: float = 0.1, found: Found = found) -> tuple[str, str]:
         posterior = {"quadratic_drag": 1.0 - none - elsewhere, "none": none, "something_else": elsewhere}
         verdict = verdict_on(Evidence(found, None, posterior, figures, figures, 60.0, False, {}, None))
         return verdict.kind, verdict.statement
@@ -44,6 +49,10 @@ def test_the_kind_is_that_of_what_is_likeliest() -> None:
     kind, statement = called(0.004)
     assert kind == "unexplained"
     assert "quadratic_drag 90 %" in statement
+    kind, statement = called(0.6, 0.23, mapped)
+    assert kind == "adequate"
+    assert "it depends on speed (p = 2e-04), by chance unless something else (23 %) is there" in statement
+    assert called(0.3, 0.6, mapped)[0] == "unexplained"
 
 
 def test_no_effect_is_named_that_is_less_likely_than_not() -> None:

@@ -63,7 +63,7 @@ def verdict_on(shown: Evidence) -> Verdict:
     """What is said of a record, from what was found in it."""
     found, elsewhere = shown.found, shown.posterior.get(SOMETHING_ELSE, 0.0)
     named = bool(found.new_ids) or shown.lattice is not None
-    if found.is_unexplained:
+    if found.is_unexplained and not _is_chance(shown):
         text = _of_no_catalogue(found)
     elif shown.describes:
         text = _description(shown)
@@ -90,6 +90,11 @@ def verdict_on(shown: Evidence) -> Verdict:
     else:
         return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
     return Verdict("unexplained", posterior=shown.posterior, statement=text)
+
+
+def _is_chance(shown: Evidence) -> bool:
+    """Whether what the map shows of a model to which nothing was added is likelier chance than anything else."""
+    return not shown.found.new_ids and shown.posterior.get(NONE, 0.0) >= 0.5
 
 
 def _of_no_catalogue(found: Found) -> str:
@@ -125,6 +130,11 @@ def _adequate(shown: Evidence) -> str:
     if given - kept:
         note = f" (of the model given, {', '.join(sorted(given - kept))} is not missed)"
     doubt = _doubt(selection, shown.posterior) + ("" if shown.noisy is None else f"; but {shown.noisy}")
+    if shown.found.left:
+        left, chance = shown.found.left[0], chance_text(shown.posterior.get(SOMETHING_ELSE, 0.0))
+        doubt += (
+            f"; it depends on {left.name} (p = {left.p_value:.0e}), by chance unless something else ({chance}) is there"
+        )
     return f"The model explains this log: what is left is noise of {noise_text(shown.found)}{note}{doubt}."
 
 
