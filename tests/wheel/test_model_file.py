@@ -147,12 +147,15 @@ def test_a_belief_has_its_hidden_states_last() -> None:
 
 
 def test_what_belongs_to_a_record_is_not_carried_over(tmp_path: Path) -> None:
-    """A spike and a drift are left behind, with their rows of the covariance, and both are mentioned."""
+    """A spike and a drift are left behind, with their rows of the covariance, and both are mentioned; c and s are open."""
     model = model_with(effect("drag_spike"), effect("offset_torque", 0.02), effect("coulomb_drift"))
     kept, notes = carried_over(model)
     assert kept.effects.ids == ("offset_torque",)
     places = [0, 1, 2, 3, 5]
-    assert np.array_equal(np.array(kept.covariance), np.array(model.covariance)[np.ix_(places, places)])
+    more = np.array(kept.covariance) - np.array(model.covariance)[np.ix_(places, places)]
+    drifted = np.zeros((5, 5))
+    drifted[2:4, 2:4] = (0.2 * model.parameters.coulomb) ** 2
+    assert np.allclose(more, drifted, rtol=1e-9, atol=1e-15)
     assert len(notes) == 2
     assert "drag_spike" in notes[0]
     assert "coulomb_drift" in notes[1]
