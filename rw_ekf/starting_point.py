@@ -287,5 +287,5 @@ def left_open(gone: Iterable[Term], parameters: FrictionParameters, size: int) -
         if not term.effect.local_in_time:
             of = term.effect.acts_as if term.law is None else term.law.acts_as
             places = [PARAMETER_NAMES.index(name) for name in _MOVED_BY.get(of, ())]
-            more[np.ix_(places, places)] += (_OPEN * max((parameters[at] for at in places), default=0.0)) ** 2
+            more[np.ix_(places, places)] += (_OPEN * parameters[places[0]]) ** 2 if places else 0.0
     return more

@@ -22,10 +22,7 @@ from rw_ekf.likelihood.model import prior_rows
 LEAST_RATIO = 1.0e-7
 MOST_RATIO = 1.0e2
 _FIRST_STEP, _NEAR, _NARROW = 0.8, 0.05, 2.0  # of the logarithm of the ratio
-_PARABOLAS = 10
-_HARDLY = 0.005  # log-likelihood still to be gained
-_TOO_FAR = 1.5  # times as far as the tip of a parabola through three points on one side of it: it comes to lie between
-_LEAST_BEYOND, _FURTHEST = 0.5, 3.0  # of the last step
+_PARABOLAS = 5
 _LITTLE = 0.5  # log-likelihood that a correction gains: the noises beside it are then those without it
 Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
 
@@ -64,38 +61,33 @@ def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise) -> Likel
 
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
     at(low)
-    climb(at, min(max(math.log(noise.ratio), low), high), low, high)
+    _climb(at, min(max(math.log(noise.ratio), low), high), low, high)
     return max(found.values(), key=lambda item: item.restricted)
 
 
-def climb(at: Callable[[float], float], x: float, low: float, high: float) -> None:
-    """Evaluate a smooth function ever nearer to its top, from x, by parabolas through its highest points so far."""
-    x = min(max(x, low + _FIRST_STEP), high - _FIRST_STEP)
-    points = [x - _FIRST_STEP, x, x + _FIRST_STEP]
+def _climb(at: Callable[[float], float], x: float, low: float, high: float) -> None:
+    """Evaluate a smooth function ever nearer to its top, from x: uphill by growing steps, then by parabolas."""
+    step = _FIRST_STEP
+    left, right = max(x - step, low), min(x + step, high)
+    while max(at(left), at(right)) > at(x):
+        x, step = (left if at(left) > at(right) else right), 2.0 * step
+        left, right = max(x - step, low), min(x + step, high)
     for _ in range(_PARABOLAS):
-        i = max(range(len(points)), key=lambda j: at(points[j]))
-        x = points[i]
-        first = min(max(i - 1, 0), len(points) - 3)
-        left, middle, right = points[first : first + 3]
-        bend, tip = _parabola(at, left, middle, right)
-        inside = x == middle
-        near = (inside or bend < 0.0) and (abs(tip - x) < _NEAR or -0.5 * bend * (tip - x) ** 2 < _HARDLY)
-        at_bound = x in (low, high)
-        if (near and not inside) or ((near or at_bound) and right - left < _NARROW):
+        if x in (left, right):  # the top is at a bound
             return
-        if at_bound or (inside and (near or not left < tip < right)):
+        one, two = (x - left) * (at(x) - at(right)), (x - right) * (at(x) - at(left))
+        if one == two:
+            return
+        tip = x - 0.5 * ((x - left) * one - (x - right) * two) / (one - two)
+        if not left < tip < right or abs(tip - x) < _NEAR:
+            if right - left < _NARROW:
+                return
             tip = 0.5 * (x + (left if x - left > right - x else right))
-        elif not inside:
-            steps = _TOO_FAR * (tip - x) / (x - middle) if bend < 0.0 else _FURTHEST
-            tip = x + (x - middle) * min(max(_LEAST_BEYOND, steps), _FURTHEST)
-        points = sorted({*points, min(max(tip, low), high)})
-
-
-def _parabola(at: Callable[[float], float], left: float, x: float, right: float) -> tuple[float, float]:
-    """Of the parabola through three points the second derivative, and where it is level; x where it is a line."""
-    slope, other = (at(x) - at(left)) / (x - left), (at(right) - at(x)) / (right - x)
-    bend = 2.0 * (other - slope) / (right - left)
-    return bend, (0.5 * (left + x) - slope / bend if bend != 0.0 else x)
+        if at(tip) > at(x):
+            left, right = (left, x) if tip < x else (x, right)
+            x = tip
+        else:
+            left, right = (tip, right) if tip < x else (left, tip)
 
 
 def at_ratio(

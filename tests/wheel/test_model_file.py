@@ -147,7 +147,7 @@ def test_a_belief_has_its_hidden_states_last() -> None:
 
 
 def test_what_belongs_to_a_record_is_not_carried_over(tmp_path: Path) -> None:
-    """A spike and a drift are left behind, with their rows of the covariance, and both are mentioned; c and s are open."""
+    """A spike and a drift are left behind, with their rows of the covariance, and told; dry friction is then open."""
     model = model_with(effect("drag_spike"), effect("offset_torque", 0.02), effect("coulomb_drift"))
     kept, notes = carried_over(model)
     assert kept.effects.ids == ("offset_torque",)

@@ -29,6 +29,7 @@ _KNOTS = 66  # of a law that is fitted; even, so that none is at zero speed, whe
 _TURN_KNOTS = 385
 _SMOOTH = (1.0, 0.5, 0.25, 0.12)  # of the quantity's range, over which a law bends
 _ORDERS = (2, 4, 8, 16)  # harmonics of the angle
+_SPEEDS = ("speed_size", "speed")
 _LEAST_SHARE = 1.0e-6  # of a law's greatest variance: curves with less are left out
 _MOST_CURVES = 14
 
@@ -53,7 +54,19 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
         law = _angle_law(profiled, ground) if ground.turned is not None else _smooth_law(profiled, ground)
         if law is not None and law.term.law is not None and law.term.law.number not in taken:
             found.append(law)
-    return sorted(found, key=lambda item: -item.weight)
+    return sorted(_of_either_direction(found), key=lambda item: -item.weight)
+
+
+def _of_either_direction(found: list[Nameless]) -> list[Nameless]:
+    """The same without a motor gain by the size of the speed, or by the signed one, whichever is less likely.
+
+    They are one law where the directions do not differ, and few of the likeliest are tried.
+    """
+    gains = [item for item in found if item.ground.acts_as == "motor_gain" and item.ground.quantity in _SPEEDS]
+    if len(gains) < len(_SPEEDS):
+        return found
+    least = min(gains, key=lambda item: item.weight)
+    return [item for item in found if item is not least]
 
 
 def _smooth_law(profiled: Profiled, ground: Ground) -> Nameless | None:
