@@ -18,6 +18,7 @@ from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, gr
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import LEARNED
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats
@@ -29,7 +30,6 @@ _KNOTS = 66  # of a law that is fitted; even, so that none is at zero speed, whe
 _TURN_KNOTS = 385
 _SMOOTH = (1.0, 0.5, 0.25, 0.12)  # of the quantity's range, over which a law bends
 _ORDERS = (2, 4, 8, 16)  # harmonics of the angle
-_SPEEDS = ("speed_size", "speed")
 _LEAST_SHARE = 1.0e-6  # of a law's greatest variance: curves with less are left out
 _MOST_CURVES = 14
 
@@ -58,15 +58,16 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
 
 
 def _of_either_direction(found: list[Nameless]) -> list[Nameless]:
-    """The same without a motor gain by the size of the speed, or by the signed one, whichever is less likely.
+    """The same with one motor gain over speed: by its size, unless that by the signed speed is clearly likelier.
 
-    They are one law where the directions do not differ, and few of the likeliest are tried.
+    Each direction then has a law of its own, which is chosen once more; and few of the likeliest laws are tried.
     """
-    gains = [item for item in found if item.ground.acts_as == "motor_gain" and item.ground.quantity in _SPEEDS]
-    if len(gains) < len(_SPEEDS):
+    gains = {item.ground.quantity: item for item in found if item.ground.acts_as == "motor_gain"}
+    if "speed" not in gains or "speed_size" not in gains:
         return found
-    least = min(gains, key=lambda item: item.weight)
-    return [item for item in found if item is not least]
+    differs = gains["speed"].weight > gains["speed_size"].weight + CHOSEN_LOG + INDISTINGUISHABLE
+    left_out = gains["speed_size" if differs else "speed"]
+    return [item for item in found if item is not left_out]
 
 
 def _smooth_law(profiled: Profiled, ground: Ground) -> Nameless | None:
