@@ -63,17 +63,20 @@ def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     if any(_is_change(term) for term in setup.effects.terms):
         ways += [replace(setup, effects=_held(setup.effects, end)) for end in (-1, 0)]
     if any(term.of_its_record for term in setup.effects.terms):
-        ways += [without_record(way) for way in ways]
+        ways += [_without_record(way) for way in ways]
 
     def value(way: FilterSetup) -> float:
         steady = replace(way, constants=without_drift(way.constants))
         return log_likelihood(filtered(course, steady), way.constants.gate)
 
-    likeliest = max(ways, key=value)
+    likeliest, *others = sorted(ways, key=value, reverse=True)
     gone = [term.id for term in setup.effects.terms if term.of_its_record]
-    if not gone or (likeliest.effects.ids == setup.effects.ids and _comes_again(course, likeliest)):
+    if not gone:
         return likeliest
-    likeliest = max((way for way in ways if way.effects.ids != setup.effects.ids), key=value)
+    if likeliest.effects.ids == setup.effects.ids:
+        if _comes_again(course, likeliest):
+            return likeliest
+        likeliest = next(way for way in others if way.effects.ids != setup.effects.ids)
     note = (
         f"{', '.join(dict.fromkeys(gone))} of the model belonged to the record it was found in: this log is likelier "
         "without, and what it moved is what this log has"
@@ -97,15 +100,16 @@ def _comes_again(course: Course, setup: FilterSetup) -> bool:
     return not was_reset(run) and bool(np.all(np.abs(run.mean[places] - given) < _AGAIN * np.abs(given)))
 
 
-def without_record(setup: FilterSetup) -> FilterSetup:
+def _without_record(setup: FilterSetup) -> FilterSetup:
     """The setup without what belonged to the model's record; open is what that has moved by now."""
-    terms, prior = setup.effects.terms, setup.prior
+    prior = setup.prior
+    gone = [term for term in setup.effects.terms if term.of_its_record]
     stays = [not term.of_its_record for term in setup.effects.state_terms for _ in term.values]
     places = [*range(PARAMETERS.stop), *(PARAMETERS.stop + at for at, kept in enumerate(stays) if kept)]
     ids = tuple(name for name, kept in zip(prior.effect_ids, stays, strict=False) if kept)
     values, covariance = Belief(prior.mean[places], prior.covariance[np.ix_(places, places)]).known(sum(stays))
-    covariance += left_open((term for term in terms if term.of_its_record), prior.parameters, values.size)
-    effects = EffectSet(tuple(term for term in terms if not term.of_its_record))
+    covariance += left_open(gone, prior.parameters, values.size)
+    effects = EffectSet(tuple(term for term in setup.effects.terms if not term.of_its_record))
     known = Belief.of_known(values, covariance, effects.table().size, effect_ids=ids)
     return replace(setup, effects=effects, prior=known)
 

@@ -104,10 +104,9 @@ class RunStatistics:
         expected = tested * chance
         if self.rejected <= expected:  # no more than the mean, so that p is near a half or above
             return None
-        others = tested - self.rejected
-        just_so_many = math.lgamma(tested + 1) - math.lgamma(self.rejected + 1) - math.lgamma(others + 1)
-        just_so_many += self.rejected * math.log(chance) + others * math.log1p(-chance)
-        p = math.exp(just_so_many) * _tail(self.rejected, tested, chance)
+        from rw_ekf.filter.tails import binomial_tail
+
+        p = binomial_tail(self.rejected, tested, chance)
         if p >= _FALSE_ALARM:
             return None
         return (
@@ -115,19 +114,6 @@ class RunStatistics:
             f"({p_text(p)}): bad readings, or a model or a noise that does not fit; they taught the "
             "filter nothing. The rows marked `gate` in the output of `rw-ekf replay --out` show where."
         )
-
-
-def _tail(k: int, n: int, chance: float) -> float:
-    """P(k or more of n) over P(k of n) of a binomial, k above its mean: each term is a fraction of the one before.
-
-    Summed here, for to import SciPy's takes half as long as a replay.
-    """
-    term, tail = 1.0, 0.0
-    while k <= n and term > 1.0e-17 * tail:
-        tail += term
-        term *= (n - k) / (k + 1) * chance / (1.0 - chance)
-        k += 1
-    return tail
 
 
 @dataclass

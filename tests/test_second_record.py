@@ -177,8 +177,11 @@ def test_a_drift_that_comes_again_is_kept() -> None:
 
 def test_a_spike_of_another_record_leaves_no_trace_in_one_without() -> None:
     """Drag that came once: the next log's replay is without it, and its sigmas are no wider for it."""
-    run = replay_log(run_in(7), model=replace(model(ONSET_S), covariance=drift_model().covariance))
+    known = replace(model(ONSET_S), covariance=drift_model().covariance)
+    run = replay_log(run_log(simulated([], seed=7)), model=known)
     assert run.setup.effects.terms == ()
+    assert run.setup.prior.covariance[PARAMETERS, PARAMETERS] == pytest.approx(np.array(known.covariance)[:4, :4])
+    assert replay_log(run_in(7), model=known).setup.effects.terms == ()
 
 
 def test_a_curve_over_time_of_one_record_is_not_that_of_another() -> None:
@@ -197,6 +200,7 @@ def test_a_run_begins_with_a_friction_that_a_drift_may_have_moved() -> None:
     assert carried.effects.terms == ()
     assert any("coulomb_drift" in note for note in notes)
     covariance = np.array(carried.covariance)
-    assert math.sqrt(covariance[2, 2]) > DRIFT * TAU_S / WHEEL.coulomb * 0.5 * WHEEL.coulomb
+    assert math.sqrt(covariance[2, 2]) == pytest.approx(math.hypot(0.2 * WHEEL.coulomb, 5.0e-4))
+    assert math.sqrt(covariance[2, 2]) > 0.5 * DRIFT * TAU_S
     assert covariance[2, 3] == pytest.approx(covariance[2, 2], rel=0.01)
     assert covariance[0, 0] == pytest.approx(0.002**2)

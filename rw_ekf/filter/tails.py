@@ -47,6 +47,20 @@ def poisson_tail(count: int, expected: float) -> float:
     return min(weight * float(_series(np.array([float(count)]), np.array([expected]))[0]), 1.0)
 
 
+def binomial_tail(count: int, of: int, chance: float) -> float:
+    """P(a binomial number of `of` draws, 0 < chance < 1 each, is at least count >= 0), summed from its first term on.
+
+    The first term must not be below the smallest number there is, as it may be far below the mean.
+    """
+    logs = math.lgamma(of + 1) - math.lgamma(count + 1) - math.lgamma(of - count + 1)
+    term, tail = math.exp(logs + count * math.log(chance) + (of - count) * math.log1p(-chance)), 0.0
+    while term > _CLOSE * tail:
+        tail += term
+        term *= (of - count) / (count + 1) * chance / (1.0 - chance)
+        count += 1
+    return min(tail, 1.0)
+
+
 def gamma_tail(a: Float64Array, x: Float64Array) -> Float64Array:
     """Q(a, x), the upper tail of a gamma distribution of shape a > 0 at x >= 0, of their common shape.
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import bdtrc
 
 from rw_ekf.filter.consistency import FALSE_ALARM
+from rw_ekf.filter.tails import binomial_tail
 from rw_ekf.fleet.findings import finding_kinds, rows_about
 from rw_ekf.fleet.wheel_trends import WheelTrend
 
@@ -73,7 +73,7 @@ def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
     if alarmed.size:
         yield int(alarmed[-1]), f"the watch raised {int(days.alarms[alarmed[-1]])} alarms on it"
     unlike_noise = np.flatnonzero(days.ok & days.not_noise)
-    if unlike_noise.size and bdtrc(unlike_noise.size - 1, good.size, FALSE_ALARM) < _BY_CHANCE:
+    if unlike_noise.size and binomial_tail(unlike_noise.size, good.size, FALSE_ALARM) < _BY_CHANCE:
         yield int(unlike_noise[-1]), f"its residual is no noise, as on {unlike_noise.size} of {good.size} days"
     for before, _, name in steps:  # what it was like before stands beside it
         yield before, f"the last day before a step of {name}"

@@ -35,6 +35,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     amplitude is large.
     """
     kept: list[Term] = []
+    gone: list[Term] = []
     notes: list[str] = []
     covariance = np.array(model.covariance)
     places = list(range(PARAMETER_COUNT))
@@ -46,6 +47,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
             notes.append(f"{term.id} over time: this run begins with it as it was at the end of its record")
         elif term.of_its_record:
             notes += [f"{term.id} belongs to the record it was found in and is not carried into this run"] * len(at)
+            gone.append(term)
             continue
         places += at
         if term.effect.components > 1:
@@ -55,9 +57,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
             term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
         kept.append(term)
     kept += [term for term in model.effects.terms if not term.effect.in_state]
-    rows = covariance[np.ix_(places, places)]
-    gone = [term for term in model.effects.terms if term.law is None and term.of_its_record]
-    rows += left_open(gone, model.parameters, len(places))
+    rows = covariance[np.ix_(places, places)] + left_open(gone, model.parameters, len(places))
     return replace(model, covariance=_as_rows(rows), effects=EffectSet(tuple(kept))), notes
 
 

@@ -73,7 +73,7 @@ def lines_of(text: str, most: int | None = None) -> list[str]:
     """Physical lines, without their ends; the first `most` of them."""
     if most is not None:
         return _LINE_END.split(text, most)[:most]
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")  # the same, and twenty times as fast
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")  # the same, and ten times as fast
 
 
 def layout_of(

@@ -267,8 +267,9 @@ class Term:
     @property
     def of_its_record(self) -> bool:
         """Whether it belongs to the clock of the record it was found in; a change may have come before another."""
-        is_change = self.effect.of_one_record and self.law is not None
-        return not is_change and (self.effect.of_one_record or (self.law is not None and self.law.quantity == "time"))
+        if self.law is None:
+            return self.effect.of_one_record
+        return self.law.quantity == "time" and not self.effect.of_one_record
 
     @property
     def refined(self) -> tuple[int, ...]:

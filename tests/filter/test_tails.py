@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.special import gammaincc
+from scipy.stats import binom
 
-from rw_ekf.filter.tails import chi_square_tail, gamma_tail
+from rw_ekf.filter.tails import binomial_tail, chi_square_tail, gamma_tail
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 3, 4, 7, 12, 20, 31, 100, 999, 6000])
@@ -45,3 +46,14 @@ def test_one_number_is_one_number() -> None:
     found = gamma_tail(np.array(2.5), np.array(3.0))
     assert found.shape == ()
     assert float(found) == pytest.approx(float(gammaincc(2.5, 3.0)), rel=1e-13)
+
+
+@pytest.mark.parametrize("of", [1, 10, 1000, 1_000_000])
+@pytest.mark.parametrize("chance", [1e-4, 0.01, 0.5])
+def test_tail_of_binomial(of: int, chance: float) -> None:
+    """From five sigma below the mean to all of the draws; from none where no draw is likely enough to be a number."""
+    mean, spread = of * chance, np.sqrt(of * chance * (1.0 - chance))
+    counts = {of, *(min(max(round(mean + sigmas * spread), 0), of) for sigmas in range(-5, 31, 5))}
+    for count in counts | ({0, 1} if mean < 500.0 else set()):
+        expected = float(binom.sf(count - 1, of, chance))
+        assert binomial_tail(count, of, chance) == pytest.approx(expected, rel=1e-8, abs=1e-290)

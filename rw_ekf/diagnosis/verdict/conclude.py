@@ -74,14 +74,15 @@ def judgement(found: Found, advance: Advance) -> Judged:
     white = left_over(stands)
     tests = residual_tests(white, rounded=rounded)
     failed = failed_tests(tests)
-    foretold = 1.0 - (1.0 - 0.01 * max(percent_better(before.figures, after.figures) or 0.0, 0.0)) ** 2
+    gained = 0.01 * max(percent_better(before.figures, after.figures) or 0.0, 0.0)
+    foretold = 1.0 - (1.0 - gained) ** 2
     posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0), foretold)
     doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
     reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
     for name in found.new_ids:
         selection = selection.decided(name, Decision(reason))
     found = replace(found, selection=selection)
-    describes = bool(doubted) and posterior[SOMETHING_ELSE] > 0.5 and _is_smaller(before, after)
+    describes = bool(doubted) and posterior[SOMETHING_ELSE] > 0.5 and gained > WORSE
     verdict = verdict_on(
         Evidence(
             found, lattice, posterior, before, after, heldout_s, by_turns, failed, noise.sentence, doubted, describes
@@ -93,11 +94,6 @@ def judgement(found: Found, advance: Advance) -> Judged:
     uneven = None if rounded else unevenness(white, stands.trajectory.speed)
     kept = None if refusal is not None else model
     return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
-
-
-def _is_smaller(before: Performance, after: Performance) -> bool:
-    """Whether held-out errors are clearly smaller, by as much as they may not grow."""
-    return (percent_better(before.figures, after.figures) or 0.0) > 100.0 * WORSE
 
 
 def _figures(found: Found) -> tuple[Performance, Performance, bool]:
