@@ -37,6 +37,9 @@ _EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a strok
 _AMOUNT = re.compile(r"(?<![\w.])(?!(?:0?\.0*1|10*)\s)[+-]?\d[\d.,]*\s+(?!by|of|to)[A-Za-z°µ%][\w/°%^-]*")
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
 _DERIVATIVE = re.compile(r"\bder\(")  # of what stands behind it, in Modelica
+_SECOND = re.compile(r"(?<![A-Za-z])d2(?=[A-Za-z])")  # derivative of what stands behind it: d2theta_dt2
+_RATES = frozenset({"thetadot", "phidot", "qdot"})  # of an angle, which are speeds; any other dot is no speed
+_ACCELERATIONS = frozenset({"dd", "dotdot", "doubledot"})
 _TIMES = re.compile(r"(?<=\w)[_ ]?[x×]_?10+$", re.IGNORECASE)  # behind the unit: current_A_x100, which is asked about
 _PRESENT = re.compile(  # the one of now, and no ampere: current_speed, current_time
     r"(?<![A-Za-z])current[_ ]?(?=(?:time|speed|vel|pos|angle|rpm|temp|torque|state|volt|date)[a-z]*(?![a-z]))",
@@ -100,7 +103,7 @@ def said_by(name: str) -> Said:
     """Take a name apart."""
     name = spoken(name)
     name = _PRESENT.sub("", name)
-    name = _TIMES.sub("", _DERIVATIVE.sub("derivative (", _EVERY.sub("", name)))
+    name = _TIMES.sub("", _SECOND.sub("ddot ", _DERIVATIVE.sub("derivative (", _EVERY.sub("", name))))
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
         bare, text, unit = _split(match["name"])
@@ -190,7 +193,7 @@ def _uncompounded(word: str) -> list[str]:
 
 def role_of(said: Said) -> Role:
     """What a column is, by its unit first and then by its words; "other" where neither says."""
-    if said.has("neither"):
+    if said.has("neither") or (said.unit is None and _is_changing(said)):
         return "other"
     role = _by_words(said) if said.unit is None else _BY_QUANTITY.get(said.unit.quantity, "other")
     if role == "other" and said.unit is not None and _by_words(said) == "direction":  # `Dir [-]`
@@ -206,6 +209,11 @@ def role_of(said: Said) -> Role:
     if role == "voltage" and said.has("bus"):
         return "bus_voltage"
     return _WANTED.get(role, role) if said.has("set") else role
+
+
+def _is_changing(said: Said) -> bool:
+    """Whether the words are of an acceleration, or of how fast a speed or a current changes."""
+    return bool(said.words & _ACCELERATIONS) or (said.any_of("dot") and not said.words & _RATES)
 
 
 _BY_QUANTITY: dict[str, Role] = {

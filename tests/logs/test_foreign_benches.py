@@ -38,7 +38,7 @@ def _asked(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple
     [
         "t_s,rpm_dot,i_A", "t_s,d_rpm,i_A", "t_s,rpm_rate,i_A", "t_s,omega_dot,i_A", "t_s,rpm10,i_A", "t_s,Mrpm,i_A",
         "t_s,mrpm,i_A", "t_s,drpm,i_A", "t_s,rpm_gradient,i_A", "t_s,rpm,I2t", "t_s,rpm,int_I", "t_s,rpm,I_dot",
-        "t_s,rpm,accumulated_current_A", "t_s,theta_ddot,i_A",
+        "t_s,rpm,accumulated_current_A", "t_s,theta_ddot,i_A", "t_s,d2theta_dt2,i_A", "t_s,theta_dotdot,i_A", "t_s,d2q,i_A",
     ],
 )  # fmt: skip
 def test_a_rate_or_a_sum_of_what_is_sought_is_asked_about(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
