@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
@@ -128,6 +129,10 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
         guess.take("time_s", told.with_more("time_s", columns[clock.number].entry(scale=step_s, wrap=clock.wrap)), why)
         return clock
     rate = rate_in((*table.preamble, *table.names))
+    if rate is not None and (steps := next((c for c in columns if _counts_steps(c)), None)) is not None:
+        text = f"{steps.shown} rises by some {usual_step(_known(steps)):.4g} from row to row, and '{rate[1]}' is said"
+        guess.ask("time_s", f"{text}: how many of them are a second? --set time={steps.key} --set time.scale=SECONDS.")
+        return None
     if rate is not None:
         guess.options["rate_hz"] = rate[0]
         guess.notes.append(f"there is no column of time; rows are {rate[0]:g} a second, by '{rate[1]}'")
@@ -136,6 +141,16 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     text = "no column is known to be the time: --set time=COLUMN, or `rate_hz` in the map."
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
+
+
+def _counts_steps(column: Column) -> bool:
+    """Whether a column counts something of which the rows have not each one: where they do, the rows are the clock."""
+    step = np.diff(_known(column)) if column.role in ("count", "time") else np.zeros(0)
+    return step.size > 0 and bool(np.all(step >= 0.0)) and not np.all(step == step[0])
+
+
+def _known(column: Column) -> Float64Array:
+    return column.values[np.isfinite(column.values)]
 
 
 def _rows_again(clock: Clock, columns: list[Column]) -> bool:

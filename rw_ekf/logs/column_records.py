@@ -199,6 +199,8 @@ def columns_of(table: RawTable) -> list[Column]:
         if said.unit_text == "c" and {f"{name[:-1]}{other}" for other in "abd"} & {*table.names}:
             said = said._replace(unit_text="", unit=None)  # the third of several sensors
         values = table.numbers(number, stamps=True)
+        if habit[:1].isdigit() and np.any(values % 1.0 > 0.0):  # hundredths, say, that somebody has converted
+            habit, said = "", said._replace(unit_text="", unit=None) if said.unit_text == habit else said
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
         role = role_of(said) if name else "other"

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import interval_of, is_since_last, per_turn, pole_pairs
-from rw_ekf.logs.column_records import Column, Guess, Line, chosen
+from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, chosen
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.odd_columns import COUNTERS, turn_of
 from rw_ekf.logs.raw_table import RawTable
@@ -36,11 +36,19 @@ def find_speed(
             angles, speeds = speeds, []
     candidates, what = (angles, "angle") if angles and not speeds else (speeds, "speed")
     asked = len(guess.questions)
+    if what == "angle" and given is None and (spoilt := next((c for c in columns if _is_spoilt(c, table)), None)):
+        gaps = table.rows - int(np.isfinite(spoilt.values).sum())
+        text = f"{spoilt.shown} is no number in {gaps} of {table.rows} rows: is the speed another's rate?"
+        guess.ask("speed_rad_s", f"{text} --set speed=COLUMN.", *filter(None, map(_known_line, angles)))
+        return None
+    still = next((c for c in columns if c.role == "speed" and not c.moves and not c.said.has("linear")), None)
+    if still is not None and all(c.said.has("linear") for c in speeds):  # gyros, or the vehicle's speed over ground
+        candidates = [] if what == "speed" else candidates
     column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess, _known_line)
     if column is None:
         if len(guess.questions) == asked:
-            still = next((f"{c.shown} never changes, and " for c in columns if c.role == "speed"), "")
-            guess.ask("speed_rad_s", f"{still}no column is known to be the speed: --set speed=COLUMN.")
+            why = "" if still is None else f"{still.shown} never changes, and "
+            guess.ask("speed_rad_s", f"{why}no column is known to be the speed: --set speed=COLUMN.")
         return None
     told_unit, sign = told.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
     if not told_unit and (column.unit == "" or what == "angle") and is_since_last(column):
@@ -74,6 +82,14 @@ def find_speed(
         guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
     guess.lines.append(replace(_speed_line(column, unit, why, sign, told, **more), assumed=assumed))
     return column
+
+
+def _is_spoilt(column: Column, table: RawTable) -> bool:
+    """Whether a column is a speed by its name, and hardly any of what stands in it is a number."""
+    known = np.isfinite(column.values)
+    if column.role != "speed" or float(known.mean()) > LEAST_SHARE:
+        return False
+    return bool(known.any()) or (table.is_text(column.number) and any(filter(None, table.cells(column.number))))
 
 
 def _speed_line(column: Column, unit: str, why: str, sign: Column | None, told: Answers, **more: object) -> Line:
@@ -235,7 +251,9 @@ def _goes_too_far(angle: Float64Array, turn: float) -> bool:
 
 
 def _direction(columns: list[Column], speed: Column) -> Column | None:
-    """The column that has the sign of a speed that has none."""
+    """The column that has the sign of a speed that has none, in each row: what was marked here and there is none."""
     if float(np.nanmin(speed.values)) < 0.0:
         return None
-    return next((c for c in columns if c.role == "direction" and c.number != speed.number), None)
+    others = (c for c in columns if c.role == "direction" and c.number != speed.number)
+    known = ((c, np.isfinite(c.values[np.isfinite(speed.values)])) for c in others)  # words are no numbers
+    return next((c for c, is_number in known if is_number.all() or not is_number.any()), None)

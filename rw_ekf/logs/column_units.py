@@ -44,8 +44,8 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("time", 60.0), "min mins minute minutes minuten"),
     **_all(Unit("time", 3600.0), "h hr hrs hour hours std stunden"),
     **_all(Unit("time", 86400.0), "d day days tage"),
-    **_all(Unit("speed"), "rad/s рад/с rads rad/sec radps rads-1 rads/s rad/second radian/s radians/s radians/sec "
-        "radians/second "
+    **_all(Unit("speed"), "rad/s рад/с rads rad.s rad/sec radps rads-1 rads/s rad/second radian/s radians/s "
+        "radians/sec radians/second "
         "radianspersecond"),
     **_all(Unit("speed", 1e-3), "mrad/s"),
     **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 转/分 转/分钟 回転/分 1/min об/мин мин-1 /min min-1 u/min upm umin "
@@ -76,7 +76,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("current", 1e-6), "ua µa"),
     **_all(Unit("current", 1e3), "ka"),
     **_all(Unit("torque"), "nm n.m n-m newton-meter newton-meters newtonmeter newtonmeters nmeter"),
-    **_all(Unit("torque", 1e-3), "mnm"),
+    **_all(Unit("torque", 1e-3), "mnm nmm n.mm"),
     **_all(Unit("torque", 1e-6), "unm"),
     **_all(Unit("torque", 1e-2), "ncm"),
     **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs ft-lbf"),

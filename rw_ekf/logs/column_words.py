@@ -31,7 +31,7 @@ WORDS: dict[str, frozenset[str]] = {
             iststrom motorcurrent motorstrom phasecurrent prad pradu proud stroem strom stroom virta """,
         "supply": """
             alim alimentacao alimentacion alimentation alimentazione bat batt battery besleme bus charge dc
-            eps fuente idc iin in input line mains netz netzteil psu quiescent source supply total
+            eps fuente ibus idc iin in input line mains netz netzteil psu quiescent source supply total
             versorgung voeding zasilania zasilanie """,
         "phase": """
             fase faz faza ia ib ic iu iv iw leiterstrom phase phasen phases strang """,
@@ -64,13 +64,14 @@ WORDS: dict[str, frozenset[str]] = {
         "segment": """
             cycle essai experiment lauf run run_id segment test_no trial versuch """,
         "count": """
-            count counter id idx index line no nr number packet record row sample samples seq step tick """,
+            count counter id idx index line no nr number packet record row sample samples seq step tick timestep
+            timesteps """,
         "direct": """
             d daxis feldbildend fieldgenerating fieldproducing fluxproducing id magnetising magnetizing reactive ud
             vd """,
         "neither": """
             amphour amphours ddot efficiency energie energy err error fehler leistung potencia power puissance
-            watthour watthours wirkungsgrad """,
+            overshoot settling watthour watthours wirkungsgrad """,
         "derived": """
             abs acc accel acceleration analog analogue average averaged avg derivative diff err error est estimate
             estimated filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
@@ -98,7 +99,7 @@ WORDS: dict[str, frozenset[str]] = {
             pendulum pitch plate platform predicted pump roll satellite sim simulated spacecraft spindle turntable
             yaw """,
         "linear": """
-            distance gyro gyrox gyroy gyroz imu meters air car gps ground linear vehicle wind """,
+            distance gyro gyrox gyroy gyroz imu meters air car gnss gps ground linear vehicle wind """,
     }.items()
 }
 

@@ -18,6 +18,7 @@ from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.settings_beside import parted
 from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
@@ -51,6 +52,10 @@ def read_csv_table(
         read = read_csv_table(replace(text, unpacked=other), layout, must_be_numeric, name_shown)
         return replace(read, place=lambda row: f"sample {row + 1}")
     found = _other_layout(text, layout, must_be_numeric)
+    if found is not None and (cut := parted(text, head, layout.delimiter)) is not None:
+        read = read_csv_table(replace(text, unpacked=cut[0]), layout, must_be_numeric, name_shown)
+        read.preamble = (*read.preamble, *cut[1])
+        return read
     if found is None:
         read = _read_plain(text, layout, must_be_numeric, name_shown)
         if not _begins_with_numbers(read):

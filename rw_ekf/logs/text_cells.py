@@ -78,6 +78,8 @@ class TextLayout:
     def cells(self, line: str) -> list[str]:
         """The cells of a line, without the blanks around them; none of what cannot be cut."""
         line = _MINUS.sub("-", _BETWEEN_THOUSANDS.sub("", self.form.row(line, self.delimiter)))
+        if self.delimiter != ";" and line.endswith(";"):
+            line = line.rstrip("; ")  # the end of a statement, or of a matrix's row
         return split_cells(line, self.delimiter)
 
     def filled(self, line: str) -> list[str]:

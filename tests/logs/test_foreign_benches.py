@@ -38,7 +38,8 @@ def _asked(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple
     [
         "t_s,rpm_dot,i_A", "t_s,d_rpm,i_A", "t_s,rpm_rate,i_A", "t_s,omega_dot,i_A", "t_s,rpm10,i_A", "t_s,Mrpm,i_A",
         "t_s,mrpm,i_A", "t_s,drpm,i_A", "t_s,rpm_gradient,i_A", "t_s,rpm,I2t", "t_s,rpm,int_I", "t_s,rpm,I_dot",
-        "t_s,rpm,accumulated_current_A", "t_s,theta_ddot,i_A", "t_s,d2theta_dt2,i_A", "t_s,theta_dotdot,i_A", "t_s,d2q,i_A",
+        "t_s,rpm,accumulated_current_A", "t_s,theta_ddot,i_A", "t_s,d2theta_dt2,i_A", "t_s,theta_dotdot,i_A",
+        "t_s,d2q,i_A",
     ],
 )  # fmt: skip
 def test_a_rate_or_a_sum_of_what_is_sought_is_asked_about(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
@@ -65,6 +66,54 @@ def test_what_is_of_another_load_stands_behind_a_plain_column(
     found, asked = _asked(tmp_path / "a.csv", run, f"t_s,rpm,I,{further}", lambda t, w, i: abs(i) + t)
     assert not asked
     assert [line.entry["column"] for line in found.guess.lines if line.name != "time_s"] == names
+
+
+@pytest.mark.parametrize("cell", ["", "---"])
+def test_a_speed_that_few_rows_have_is_not_passed_over_for_an_angle(tmp_path: Path, run: rw_ekf.Log, cell: str) -> None:
+    """What turns once and more between two rows has an angle too, and its rate is no speed of anything."""
+    rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    lines = (
+        f"{t!r},{i!r},{(137.0 * k) % 360.0!r},{w * RPM if k % 3 == 0 else cell}" for k, (t, w, i) in enumerate(rows)
+    )
+    (tmp_path / "a.csv").write_text("\n".join(["t_s,i_A,angle_deg,feedback_rpm", *lines]))
+    found = rw_ekf.guess_columns(tmp_path / "a.csv").guess
+    assert any("'feedback_rpm' is no number in 200 of 300 rows" in question.text for question in found.questions)
+    assert rw_ekf.guess_columns(tmp_path / "a.csv", speed="feedback_rpm").guess.is_certain
+
+
+def test_a_rate_of_steps_is_no_rate_of_rows_that_have_not_each_one(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Rows some 800 steps apart, and "steps at 8 kHz" above them: what the steps are of is asked."""
+
+    def asked(apart: Callable[[int], int]) -> str:
+        rows = zip(run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+        lines = (f"{apart(k)},{i!r},{w!r}" for k, (w, i) in enumerate(rows))
+        above = ["% Timestep increments at 8kHz", "timestep,i_A,omega_rad_s"]
+        (tmp_path / "a.csv").write_text("\n".join([*above, *lines]))
+        return " ".join(question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions)
+
+    assert "rises by some 801 from row to row" in asked(lambda k: 800 * k + k % 7)
+    assert not asked(lambda k: k)
+
+
+def test_hundredths_that_somebody_has_converted_are_none(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Betaflight logs hundredths of an ampere; with decimals the numbers are none, and 2.45 is no 24.5 mA."""
+
+    def unit(factor: float) -> object:
+        rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+        lines = (f"{k},{t!r},{round(100 * i) * factor!r},{w!r}" for k, (t, w, i) in enumerate(rows))
+        (tmp_path / "a.csv").write_text("\n".join(["loopIteration,time_s,amperageLatest,omega_rad_s", *lines]))
+        found = rw_ekf.guess_columns(tmp_path / "a.csv").guess
+        return next((line.entry.get("unit") for line in found.lines if line.name == "current_A"), None)
+
+    assert unit(1) == "0.01 A"
+    assert unit(0.01) is None
+
+
+def test_gyros_are_no_wheel_whose_speed_stands_still(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Of a motor at rest the log says so, and not which of three gyros is its speed."""
+    _, asked = _asked(tmp_path / "a.csv", run, "t_s,gyroX,i_A,gyroY,erpm", lambda t, w, i: w + t, lambda t, w, i: 0.0)
+    assert "'erpm' never changes" in asked
+    assert "gyro" not in asked
 
 
 def test_answers_of_a_choice_say_unit_and_kind(tmp_path: Path, run: rw_ekf.Log) -> None:

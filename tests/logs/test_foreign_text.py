@@ -23,6 +23,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 from tests.contract import check_document
 
 RPM, MA = 1.0 / RAD_S_PER_RPM, 1e3
+_SETTINGS = ("Record Length,600", "Sample Interval,1e-1", "Vertical Units,V", "Serial Number,C012389", ",", "J,2e-4")
 BEGIN = datetime.datetime(2026, 3, 29, 23, 59, 50, tzinfo=datetime.UTC)
 Rows = list[tuple[float, float, float]]
 
@@ -177,6 +178,18 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "Model,X1\nSample Interval,2.0e-2,,\nRecord,300,,\nVertical Units,rpm,A,\n"
         "Label,wheel speed,I motor,\nTIME,CH1,CH2,",
         lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},"
+    ).encode(),
+    "settings at the left of the rows": lambda r: _table(
+        r, "Settings,,,Time,Speed,Current\n,,,s,rpm,A",
+        lambda i, t, w, c: f"{_SETTINGS[i] if i < len(_SETTINGS) else ','},,{t!r},{w * RPM!r},{c!r}",
+    ).encode(),
+    "settings at the right of the rows": lambda r: _table(
+        r, "Time (s);Speed (1/min);Current (mA);;Setting;Value",
+        lambda i, t, w, c: f"{_comma(t)};{_comma(w * RPM)};{_comma(c * MA)}"
+        + (f";;{_SETTINGS[i].replace(',', ';')}" if i < len(_SETTINGS) else ""),
+    ).encode(),
+    "each row ended as a statement": lambda r: _table(
+        r, "%run 7\n%t,omega,i\n%[s],[rad/s],[A]", lambda i, t, w, c: f"{t!r},{w!r},{c!r};"
     ).encode(),
     "a block that describes": lambda r: _table(
         r, '"name","x-axis","Out1","In1"\n"description","","wheel angular rate","motor current measured"\n'

@@ -18,6 +18,7 @@ from rw_ekf.logs.header_rows import with_names
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.settings_beside import beside, told, without
 from rw_ekf.logs.text_cells import CELL, TextLayout, split_cells
 from rw_ekf.logs.text_layout import NEARLY_ALL, layout_of
 
@@ -105,6 +106,12 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     first = _first_data(rows, columns)
     if first is None:
         raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
+    settings = beside([row for _, row in rows], lambda cell: _number(cell) is not None)
+    if settings is not None:
+        preset = [text for _, row in rows[: settings.last + 1] if (text := told(row, settings))]
+        table = _table([(number, without(row, settings)) for number, row in rows], name, columns)
+        table.preamble = (*table.preamble, *preset)
+        return table
     data, left_out = _rows_of_data(rows[first:])
     width = max(len(row) for _, row in data)
     above = [] if columns.csv.header is False else [_as_text(row, width) for _, row in rows[:first]]
