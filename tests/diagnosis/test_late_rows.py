@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rw_ekf
-from rw_ekf.diagnosis.investigate.late_rows import read_a_row_earlier
+from rw_ekf.diagnosis.investigate.late_rows import read_earlier
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.log_simulation import simulate
@@ -18,10 +18,10 @@ from rw_ekf.logs.wheel_log import WheelLog
 MAP = "time_s: {column: t}\nspeed_rad_s: {column: w}\ncurrent_A: {column: i}\ncurrent_before: true\n"
 
 
-def gained(log: WheelLog) -> float:
-    """By how much the base model explains a log better, in log-likelihood, with each row's current before it."""
+def gained(log: WheelLog, by: float = 1.0) -> float:
+    """What the base model gains in log-likelihood where the current is in force so much of a row earlier."""
     prepared = prepare(source_of([log]), None, None, "blocks")
-    return read_a_row_earlier(prepared).likelihood.value - prepared.base.likelihood.value
+    return read_earlier(prepared, by).likelihood.value - prepared.base.likelihood.value
 
 
 @pytest.mark.slow
@@ -43,13 +43,27 @@ def test_what_a_logger_has_just_done_is_told_and_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize("effects", [[], ["transport_delay"], ["actuator_lag"], ["viscous_temperature"]])
 def test_a_log_that_is_read_as_it_should_be_is_not(effects: list[str]) -> None:
     """Nor one whose commands take force late, which is the other way: a row earlier explains it worse."""
-    assert gained(simulate("P2", effects=effects, seed=4, duration_s=300.0)) < 5.0
+    log = simulate("P2", effects=effects, seed=4, duration_s=300.0)
+    assert gained(log) < 5.0
+    assert gained(log, 0.5) < 5.0
 
 
 def test_one_that_is_a_row_late_gains_much() -> None:
     """The same wheel, its current moved by a row."""
     log = simulate("P2", seed=4, duration_s=300.0)
     assert gained(replace(log, current_A=np.append(log.current_A[:1], log.current_A[:-1]))) > 50.0
+
+
+def test_one_whose_readings_are_means_over_the_row_gains_by_half_a_row() -> None:
+    """The current of a logger that writes what it has just done, beside the speed of counts from row to row.
+
+    A row earlier it is worse than as it stands: that is half a row too much.
+    """
+    log = simulate("P2", seed=4, duration_s=300.0)
+    mean = 0.5 * (log.speed_rad_s + np.append(log.speed_rad_s[:1], log.speed_rad_s[:-1]))
+    counted = replace(log, speed_rad_s=mean, current_A=np.append(log.current_A[:1], log.current_A[:-1]))
+    assert gained(counted, 0.5) > 50.0
+    assert gained(counted, 0.5) > gained(counted)
 
 
 def test_each_segment_keeps_its_last_current(tmp_path: Path) -> None:

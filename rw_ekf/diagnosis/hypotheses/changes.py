@@ -155,7 +155,8 @@ def _at_likeliest_time(
     fits = {0.0: fit}
     course = less.linearised.record.course
     reach = float(course.time_s[-1] - course.time_s[0]) / _PLACES
-    while reach > _TIME_TOLERANCE_S:
+    tolerance_s = min(_TIME_TOLERANCE_S, 0.25 * reach)  # of a record of seconds
+    while reach > tolerance_s:
         best = max(fits, key=lambda by: fits[by].likelihood.value)
         for by in (best - reach, best + reach):
             first, last = law.first + by * goes[0], law.last + by * goes[1]
@@ -163,12 +164,14 @@ def _at_likeliest_time(
                 moved = replace(law, first=first, last=last)
                 fits[by] = less.refitted(less.model.with_terms(replace(term, law=moved)))
         reach *= 0.5
+    if len(fits) == 1:  # a spell so short that no time of it can be moved
+        return fit, _TIME_TOLERANCE_S
     times = np.array(sorted(fits))
     logs = np.array([fits[float(by)].likelihood.value for by in times])
     best = float(times[np.argmax(logs)])
     weights = np.exp(logs - logs.max()) * np.gradient(times)
     variance = float(np.sum(weights * (times - best) ** 2) / np.sum(weights))
-    return fits[best], max(math.sqrt(variance), _TIME_TOLERANCE_S)
+    return fits[best], max(math.sqrt(variance), tolerance_s)
 
 
 def _step(time_s: Float64Array, at: float, ramp_s: float) -> Float64Array:

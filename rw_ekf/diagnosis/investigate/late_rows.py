@@ -10,39 +10,42 @@ anything else: it counts where it is worth more than all that was found.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
-from rw_ekf.course.course import Course
+import numpy as np
+
 from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.prepare.current_levels import read_with
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
-from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.gauss_newton import Start
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.logs.row_rules import from_next_row
+
+_EARLIER = {1.0: "before each row", 0.5: "from half a row earlier on"}  # by shares of a row
 
 
 def said_of_late_rows(found: Found) -> str:
-    """A sentence for the front of a verdict, or nothing."""
+    """A sentence for the front of a verdict, or nothing.
+
+    A speed that is the mean over the row before it, as counts make it, is half a row late: beside a current that is a
+    row late it takes half of that back, and read a whole row earlier such a record is worse than as it stands.
+    """
     prepared = found.prepared
     if prepared.source.log.command_delay_s.any():  # who logs these knows when a command takes force
         return ""
-    gain = read_a_row_earlier(prepared).likelihood.value - prepared.base.likelihood.value
+    gains = {by: read_earlier(prepared, by).likelihood.value - prepared.base.likelihood.value for by in _EARLIER}
     explained = found.fit.likelihood.value - prepared.base.likelihood.value
-    if gain < max(explained, -math.log(UNDOUBTED_P)):
+    by = max(gains, key=lambda by: gains[by])
+    if gains[by] < max(explained, -math.log(UNDOUBTED_P)):
         return ""
     return (
-        "The log's current seems to stand a row late: as what was in force before each row the model alone explains it "
-        f"better by {gain:.0f} in log-likelihood, more than all that was found. If the logger writes what it has just "
-        "done, say `current_before: true` in the column map and diagnose again. As it was read: "
+        f"The log's current seems to stand a row late: as what was in force {_EARLIER[by]} the model alone explains it "
+        f"better by {gains[by]:.0f} in log-likelihood, more than all that was found. If the logger writes what it has "
+        "just done, say `current_before: true` in the column map and diagnose again. As it was read: "
     )
 
 
-def read_a_row_earlier(prepared: Prepared) -> Fit:
-    """The base model fitted to the record with each row's current in force before it."""
-    record, base = prepared.record, prepared.base
-    course = record.course
-    current_A = from_next_row(prepared.source.log.current_A[prepared.kept], course.segment)
-    moved = Course.of(course.time_s, course.speed_rad_s, current_A, None, course.segment)
-    course = course._replace(pieces=moved.pieces, piece_start=moved.piece_start, first_piece=moved.first_piece)
-    problem = base.problem._replace(record=replace(record, course=course))
-    return fit_model(problem, Start(base.model, base.trajectory, base.noise))
+def read_earlier(prepared: Prepared, by: float = 1.0) -> Fit:
+    """The base model fitted to the record with each row's current in force before it, by this share of a row."""
+    course = prepared.record.course
+    later = np.full(course.samples, (1.0 - by) * course.period_s)
+    return read_with(prepared.base, from_next_row(prepared.current_A, course.segment), later)

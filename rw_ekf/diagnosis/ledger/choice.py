@@ -77,7 +77,8 @@ def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
             ahead = item.weight - row.weight
             lawful = issubclass(CATALOGUE[name], LawEffect)  # what a record has as one with a law was not asked
             is_time_as_one = item.constructed and quantity_of(CATALOGUE[other]) == "time" and not lawful
-            if is_time_as_one or ahead > -INDISTINGUISHABLE:
+            refused = any(not check.passed and check.effect != other for check in item.checks)  # for what else it has
+            if (is_time_as_one or ahead > -INDISTINGUISHABLE) and not refused:
                 rival = Rival(other, item.fit, ahead, item.constructed or row.constructed)
                 rivals.setdefault(name, []).append(rival)
     for other in {item.name for found in rivals.values() for item in found} - set(row.effects):

@@ -6,6 +6,7 @@ at a time, and never change. How likely one is, is one number: its log-evidence,
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -51,6 +52,11 @@ class Row:
     def key(self) -> Key:
         """What is in it."""
         return key_of(self.fit)
+
+    @property
+    def term_counts(self) -> Counter[str]:
+        """How many terms of each effect there are in it, the base model's among them."""
+        return Counter(name for name, _ in self.key)
 
     @property
     def weight(self) -> float:
@@ -112,11 +118,12 @@ class Ledger:
         ]  # fmt: skip
 
     def in_place(self, chosen: Row, name: str) -> list[tuple[str, Row]]:
-        """Rows that have one other effect in the place of one of a row, with its id."""
-        rest = set(chosen.effects) - {name}
+        """Rows that have one other effect in the place of one of a row, with its id, and of the rest as many terms."""
+        rest = chosen.term_counts
+        del rest[name]
         found = []
         for row in self.rows:
-            new = set(row.effects) - rest
-            if rest <= set(row.effects) and len(new) == 1 and name not in new:
-                found.append((new.pop(), row))
+            new = row.term_counts - rest
+            if rest <= row.term_counts and len(new) == 1 and name not in new:
+                found.append((next(iter(new)), row))
         return found

@@ -12,8 +12,10 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, with_conditions
 from rw_ekf.course.course import Course
+from rw_ekf.diagnosis.prepare.current_levels import at_levels, levels_of, said_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
+from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
 from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise_colour import independent_readings
@@ -64,6 +66,7 @@ class Prepared:
     source: Source
     course: Course  # temperature and angle without gaps
     setup: FilterSetup
+    current_A: Float64Array  # as it is taken to have been in force
     split: Split
     facts: RecordFacts
     record: Record  # all of it
@@ -143,6 +146,14 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     record = Record.of(course, everything, setup.constants, work, log_of, torque_noise)
     base = robust_fit(record, start, setup.prior, noise, paths)
     base = with_later_break_away(likelier_along_filter(base, base, base.model))
+    levels = levels_of(current, course.segment)
+    if levels is not None:
+        fit, levels = at_levels(base, levels, delay)
+        gain = fit.likelihood.value - base.likelihood.value
+        if gain > math.log(UNDOUBTED_P):
+            base, current, record = fit, levels.current_A, fit.problem.record
+            course = record.course
+            notes += (said_of(levels, gain, in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm),)
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
         record = replace(record, course=course, angle_is_integrated=True)
@@ -161,6 +172,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         source=source,
         course=course,
         setup=setup,
+        current_A=current,
         split=split,
         facts=facts,
         record=record,
