@@ -28,6 +28,7 @@ _SAID_FIRST = 0.05  # share lost or held that belongs in front of any verdict
 _HELD_SHARE = 0.2  # of the rows of a wheel that turns must repeat
 _LATTICE = 1.5  # steps of the lattice: rounding alone changes a reading by one at a time
 _FAR = 0.5  # share of the changes that must be further than that
+_SOME_FAR, _ALL_REGULAR = 0.2, 0.95  # enough are, where so many of the runs are regular: a hold on a coarse grid
 _STANDS = 4.0  # refresh periods without a change: the wheel, not the sensor, may stand still
 _ON_TIME = 0.25  # of the refresh, by which a run may miss whole multiples of it: runs of any length reach half of it
 _REGULAR = 0.8  # share of the runs that must not: of runs of any length half do not
@@ -179,7 +180,8 @@ def held_readings(log: WheelLog) -> tuple[BoolArray, float | None]:
     change = np.abs(np.diff(speed[starts]))
     change = change[change > 0.0]
     lattice = float(np.quantile(change, 0.02)) if change.size else 0.0
-    if not change.size or float(np.mean(change > _LATTICE * lattice)) < _FAR:
+    far = float(np.mean(change > _LATTICE * lattice)) if change.size else 0.0
+    if far < _SOME_FAR:
         return none
     step_s = np.diff(log.time_s)[np.diff(log.segment) == 0]
     runs = np.diff(log.segment[starts]) == 0
@@ -187,6 +189,8 @@ def held_readings(log: WheelLog) -> tuple[BoolArray, float | None]:
     in_rows = _Refresh.of(np.diff(rows[starts])[runs], 1.0)
     in_time = _Refresh.of(np.diff(log.time_s[starts])[runs], float(np.quantile(step_s, 0.95)))
     refresh, clock = (in_rows, rows) if in_rows.regular >= in_time.regular else (in_time, log.time_s)
+    if far < _FAR and refresh.regular < _ALL_REGULAR:
+        return none
     if refresh.regular < _REGULAR or float(np.median(np.diff(starts)[runs])) < 1.0 + _HELD_SHARE:
         return none
     stood = clock - clock[np.maximum.accumulate(np.where(new, np.arange(n), 0))]

@@ -156,7 +156,7 @@ def _finding(
         high = min(high, facts.top_speed_rad_s)
     sizes = _sizes(fit, window.inside) if source == "torque" else _reading_sizes(fit, window.inside, used)
     inside, elsewhere = sizes
-    if inside <= elsewhere:
+    if not inside > elsewhere:
         return None
     return NoiseFinding(window.along, low, high, inside, elsewhere, together, source)
 
@@ -235,10 +235,15 @@ def _p_values(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, fl
 
 
 def _reading_sizes(fit: Fit, inside: BoolArray, used: BoolArray) -> tuple[float, float]:
-    """The readings' noise in a window and in all else that was compared [rad/s], by what the fit leaves of each."""
+    """The readings' noise in a window and in all else that was compared [rad/s], by what the fit leaves of each.
+
+    Zero where there are no readings on either side, as of a sensor that is new now and then: nothing is said of them.
+    """
     white, sigma = left_over(fit), math.sqrt(fit.noise.variance)
     known = np.isfinite(white)
     there, elsewhere = (white[known & mask] for mask in (inside, used & ~inside))
+    if not (there.size and elsewhere.size):
+        return 0.0, 0.0
     return sigma * float(np.sqrt(np.mean(there**2))), sigma * float(np.sqrt(np.mean(elsewhere**2)))
 
 

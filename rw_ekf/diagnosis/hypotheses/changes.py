@@ -27,6 +27,7 @@ _SEEN = 1.0e-6  # of a step's square: less is what the model itself follows
 _NEARER = 9  # places to either side of a spell's begin and end, within a step of the grid
 _LEAST_SPELL_S = 1.0
 _TIME_TOLERANCE_S = 0.2  # to which the time of a change is sought
+_FINER = 1.0 / 16.0  # of the places' distance, in a record of seconds
 
 
 def likeliest_change(profiled: Profiled, ground: Ground, facts: RecordFacts) -> Nameless:
@@ -155,12 +156,15 @@ def _at_likeliest_time(
     fits = {0.0: fit}
     course = less.linearised.record.course
     reach = float(course.time_s[-1] - course.time_s[0]) / _PLACES
-    tolerance_s = min(_TIME_TOLERANCE_S, 0.25 * reach)  # of a record of seconds
+    of_seconds = reach < 2.0 * _TIME_TOLERANCE_S  # such a record tells its times more finely
+    tolerance_s = _FINER * reach if of_seconds else _TIME_TOLERANCE_S
+    begin_s, end_s = float(course.time_s[0]), float(course.time_s[-1])
     while reach > tolerance_s:
         best = max(fits, key=lambda by: fits[by].likelihood.value)
         for by in (best - reach, best + reach):
             first, last = law.first + by * goes[0], law.last + by * goes[1]
-            if by not in fits and last - first > 0.5 * _ABRUPT_S:
+            inside = term.effect is not SPELL or begin_s < first < last < end_s  # else it has one edge, and is a change
+            if by not in fits and last - first > 0.5 * _ABRUPT_S and inside:
                 moved = replace(law, first=first, last=last)
                 fits[by] = less.refitted(less.model.with_terms(replace(term, law=moved)))
         reach *= 0.5

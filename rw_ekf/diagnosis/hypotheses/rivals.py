@@ -56,6 +56,23 @@ def rivals_in_place(search: Search, selection: Selection) -> dict[str, list[Exch
     return found
 
 
+def twins_in_place(search: Search, selection: Selection) -> list[Fit]:
+    """A model with each other way of being late in the place of one that it has, whatever the budget.
+
+    Beside a law that was found last nobody has compared them, and many a record has them as one.
+    """
+    fits, present = [], set(selection.final.model.effects.ids)
+    for name in selection.new_ids:
+        less, value = selection.without(name), selection.final.model.of(name)[0].values[0]
+        twins = [effect for effect in search.effects if effect.id not in present and _is_twin(name, effect)]
+        for effect in (twin for twin in twins if twin.coefficient.unit == CATALOGUE[name].coefficient.unit):
+            search.advance(f"comparing rivals of {name}")
+            starts = [less.model.with_terms(Term.at(effect, Candidate(ratio * value))) for ratio in _TWIN_RATIOS]
+            best = max((less.sketched(model) for model in starts), key=lambda fit: fit.likelihood.value)
+            fits.append(less.refitted(best.model))
+    return [fit for fit in fits if all(fit.model.possible(name, search.facts) for name in fit.model.effects.ids)]
+
+
 def _rivals_of(search: Search, selection: Selection, name: str, less: Fit, near: list[type[Effect]]) -> list[Exchanged]:
     """Rivals of an effect; `less` is the model without it."""
     final, rivals = selection.final, list[Exchanged]()

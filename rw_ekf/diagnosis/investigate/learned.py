@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.checks.residual_map import residual_map
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.grounds import Nameless
 from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.rivals import twins_in_place
 from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.investigation import with_widths
 from rw_ekf.diagnosis.ledger.choice import chosen
@@ -49,6 +50,9 @@ def with_laws(found: Found, advance: Advance) -> Found:
     selection = replace(found.selection, final=ledger.base, rivals={})
     ledger, selection = grown_with_laws(search, ledger, selection, laws)
     ledger, selection = chosen(prepared, search, ledger, selection)
+    if twins := twins_in_place(search, selection):
+        begun = replace(selection, final=ledger.base, rivals={})
+        ledger, selection = chosen(prepared, search, ledger.with_rows(twins), begun)
     advance("mapping the residual")
     other = mapped(prepared, selection, ledger)
     if not other.new_ids or (other.is_unexplained and found.is_unexplained):

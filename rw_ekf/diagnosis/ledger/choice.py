@@ -10,7 +10,7 @@ from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.selection import Rival, Selection
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.standing import explained_by
+from rw_ekf.diagnosis.standing import Reason, explained_by
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, TIE
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect_kinds import LawEffect
@@ -69,6 +69,12 @@ def _by_first_name(ledger: Ledger, row: Row) -> Row:
     return min(twins, key=lambda item: sorted(order.index(name) for name in item.effects))
 
 
+def _has_no_size_of(row: Row, rival: str) -> bool:
+    """Whether a row was refused for the size of something that it has beside a rival: it is likelier for that alone."""
+    failed = {check.decision.reason for check in row.checks if check.decision is not None and check.effect != rival}
+    return bool(failed & {Reason.TOO_SMALL, Reason.IMPOSSIBLE})
+
+
 def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
     """With the rows that one cannot be told from: as likely, or what time does in a record that has it as one."""
     rivals: dict[str, list[Rival]] = {}
@@ -77,8 +83,7 @@ def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
             ahead = item.weight - row.weight
             lawful = issubclass(CATALOGUE[name], LawEffect)  # what a record has as one with a law was not asked
             is_time_as_one = item.constructed and quantity_of(CATALOGUE[other]) == "time" and not lawful
-            refused = any(not check.passed and check.effect != other for check in item.checks)  # for what else it has
-            if (is_time_as_one or ahead > -INDISTINGUISHABLE) and not refused:
+            if (is_time_as_one or ahead > -INDISTINGUISHABLE) and not _has_no_size_of(item, other):
                 rival = Rival(other, item.fit, ahead, item.constructed or row.constructed)
                 rivals.setdefault(name, []).append(rival)
     for other in {item.name for found in rivals.values() for item in found} - set(row.effects):

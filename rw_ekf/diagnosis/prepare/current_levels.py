@@ -24,6 +24,7 @@ _OF_MEDIAN = 1.0 / (0.6745 * math.sqrt(2.0))  # of the size of a difference of t
 _JUMP = 6.0  # standard deviations that two stretches differ by: noise alone does not make one of 10^6 rows in two
 _SAME_LEVEL = 3.5  # standard deviations of what the means of two stretches differ by
 _LEAST_ROWS = 4  # of a stretch that says by itself where its level is
+_SLOPE, _FEW = 2.0, 0.1  # noises that a step has at least, and the share that may have less: a slope is many of those
 _MOSTLY = 0.9  # of the rows are in such stretches
 _MOST_TOLD = 64  # levels that the motion is asked about
 _NO_MORE = 1.1  # times the noise from row to row, that readings are off their level by: else it moves in between
@@ -61,7 +62,11 @@ def levels_of(current_A: Float64Array, segment: Int64Array) -> Levels | None:
     long = rows >= _LEAST_ROWS
     if rows[long].sum() < _MOSTLY * current_A.size:
         return None
-    level = _shared(np.bincount(stretch, current_A) / rows, rows, long, noise_A)
+    mean = np.bincount(stretch, current_A) / rows
+    small = (np.abs(np.diff(mean)) < _SLOPE * noise_A) & (np.diff(segment[begins]) == 0)
+    if small.sum() > _FEW * rows.size:
+        return None
+    level = _shared(mean, rows, long, noise_A)
     level_A, of_stretch = np.unique(level, return_inverse=True)
     levels = Levels(level_A, of_stretch[stretch], noise_A)
     return levels if float(np.std(current_A - levels.current_A)) <= _NO_MORE * noise_A else None

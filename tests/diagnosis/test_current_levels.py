@@ -1,0 +1,123 @@
+"""A measured current with a noise of its own, around levels: whose noise it is, and what comes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import rw_ekf
+from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.prepare.current_levels import levels_of
+from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.source import source_of
+
+RATE_HZ, FINER, GAIN = 200, 80, 350.0
+LEVELS_A = (-0.9, -0.3, 0.3, 0.9)
+
+
+def plateaus(rng: np.random.Generator, rows: int, each: int = 100) -> Float64Array:
+    """A current (n,) that stands at one of four levels for half a second, by chance."""
+    return np.repeat(rng.choice(LEVELS_A, size=rows // each + 1), each)[:rows]
+
+
+def motor(current_A: Float64Array, torque: Callable[[float], float] = lambda current: GAIN * current) -> Float64Array:
+    """Speeds (n,) of a motor of another hand: Euler's method at 62 us, and a wheel that sticks at 0."""
+    step, speed, found = 1.0 / (RATE_HZ * FINER), 0.0, np.empty(current_A.size)
+    for i, drive in enumerate(map(torque, current_A.tolist())):
+        found[i] = speed
+        for _ in range(FINER):
+            if speed == 0.0:
+                speed = step * (drive - math.copysign(34.0, drive)) if abs(drive) > 34.0 else 0.0
+                continue
+            friction = 30.0 + 4.0 * math.exp(-((speed / 3.0) ** 2))
+            further = speed + step * (drive - speed - math.copysign(friction, speed))
+            speed = 0.0 if further * speed < 0.0 else further
+    return found
+
+
+def log_of(current_A: Float64Array, speed_rad_s: Float64Array, rng: np.random.Generator, noise_A: float) -> rw_ekf.Log:
+    """What a laboratory logs: speeds of .1 rad/s, and a current that a sensor has read."""
+    rows = current_A.size
+    return rw_ekf.read(
+        {
+            "time_s": np.arange(rows) / RATE_HZ,
+            "speed_rad_s": speed_rad_s + rng.normal(0.0, 0.1, rows),
+            "current_A": current_A + rng.normal(0.0, noise_A, rows),
+        }
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_sensors_noise_is_no_law_of_the_current(seed: int) -> None:
+    """Of .4 % of the current: healthy motors had a gain by the size of the current, of -16 to +18 % at .98."""
+    rng = np.random.default_rng(seed)
+    current_A = plateaus(rng, 8000)
+    told = rw_ekf.diagnose(log_of(current_A, motor(current_A), rng, noise_A=0.004))
+    assert told.verdict["kind"] == "adequate", told.verdict["statement"]
+    assert any("noise of its own" in text for text in told.document()["warnings"])
+    gain = told.document()["parameters"]["before"]["motor_gain"]
+    assert gain["value"] == pytest.approx(GAIN, abs=4.0 * gain["std"])
+
+
+@pytest.mark.slow
+def test_a_law_of_the_current_is_found_through_its_noise() -> None:
+    """A motor whose gain falls by a tenth at its largest current has that named, and no more."""
+    rng = np.random.default_rng(3)
+    current_A = plateaus(rng, 8000) * np.repeat(rng.uniform(0.4, 1.0, 80), 100)
+    saturated = motor(current_A, lambda current: GAIN * current * (1.0 - 0.12 * current * current))
+    told = rw_ekf.diagnose(log_of(current_A, saturated, rng, noise_A=0.004))
+    assert told.verdict["effects"] in (["motor_saturation"], ["learned_law"]), told.verdict["statement"]
+    document = told.document()
+    assert document["after"]["free_run_rms_rpm"] < 0.2 * document["before"]["free_run_rms_rpm"]
+
+
+def test_a_current_that_the_motor_felt_stays_as_it_was_read() -> None:
+    """A drive that is unsteady by a tenth of an ampere from row to row, and a sensor that shows it."""
+    rng = np.random.default_rng(5)
+    current_A = plateaus(rng, 8000) + rng.normal(0.0, 0.1, 8000)
+    log = log_of(current_A, motor(current_A), rng, noise_A=0.0)
+    assert levels_of(log.current_A, log.segment) is not None
+    prepared = prepare(source_of([log]), None, None, "blocks")
+    assert np.array_equal(prepared.current_A, log.current_A)
+
+
+def test_levels_that_are_met_again_are_known_as_well_as_all_their_rows_say() -> None:
+    """Four of them, each within four standard deviations of two thousand readings' mean."""
+    rng = np.random.default_rng(1)
+    true = plateaus(rng, 8000)
+    found = levels_of(true + rng.normal(0.0, 0.004, true.size), np.zeros(true.size, dtype=np.int64))
+    assert found is not None
+    assert found.noise_A == pytest.approx(0.004, rel=0.05)
+    assert found.level_A == pytest.approx(LEVELS_A, abs=4.0 * 0.004 / math.sqrt(1500.0))
+    assert np.abs(found.current_A - true).max() < 0.001
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda t: np.round(np.sin(0.7 * t)),  # steps without a noise: a command
+        lambda t: np.sin(2.0 * t) + 0.3 * np.sin(7.1 * t),
+        lambda t: 0.002 * t + 0.5 * np.sign(np.sin(0.3 * t)),  # slopes
+    ],
+)
+def test_what_does_not_stand_has_no_levels(shape: Callable[[Float64Array], Float64Array]) -> None:
+    """Nor has what has no noise."""
+    time_s = np.arange(8000) / RATE_HZ
+    current_A = shape(time_s)
+    if np.unique(current_A).size > 10:
+        current_A = current_A + np.random.default_rng(2).normal(0.0, 0.004, time_s.size)
+    assert levels_of(current_A, np.zeros(time_s.size, dtype=np.int64)) is None
+
+
+def test_a_stretch_ends_with_its_segment() -> None:
+    """Two runs at one level and the next are four stretches of two levels."""
+    rng = np.random.default_rng(4)
+    current_A = np.repeat([0.5, 0.2, 0.2, 0.5], 500) + rng.normal(0.0, 0.01, 2000)
+    found = levels_of(current_A, np.repeat([0, 1], 1000))
+    assert found is not None
+    assert found.level_A == pytest.approx([0.2, 0.5], abs=0.002)
+    assert np.bincount(found.of_row).tolist() == [1000, 1000]
