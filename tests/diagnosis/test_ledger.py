@@ -27,7 +27,7 @@ from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, _sigmas
-from rw_ekf.model.effect import Term
+from rw_ekf.model.effect import Candidate, Term
 from tests.diagnosis.simulated import log_of, simulated
 from tools.proof.nameless import Nameless
 
@@ -78,6 +78,36 @@ def test_of_two_rows_that_hold_the_same_the_likelier_stays() -> None:
     for fits in ([one, other], [other, one]):
         ledger = Ledger(record().base, record().facts).with_rows(fits)
         assert [row.log_evidence for row in ledger.rows] == [max(weights.values())]
+
+
+def test_a_row_with_a_term_more_has_none_of_its_effects_in_the_place_of_another() -> None:
+    """A torque that is likelier beside a second ripple is no rival beside one."""
+    base = record().base
+    ripple, second = (Term.at(CATALOGUE["torque_ripple"], Candidate(0.1, (order, 0.0, 0.0))) for order in (1.0, 7.0))
+    offset, asymmetry = (Term.of(CATALOGUE[name], value=0.03) for name in ("offset_torque", "viscous_asymmetry"))
+    fits = [base.sketched(base.model.with_terms(*terms)) for terms in (
+        (ripple, offset), (ripple, asymmetry), (ripple, second, asymmetry), (ripple, offset, asymmetry),
+    )]  # fmt: skip
+    ledger = Ledger(base, record().facts).with_rows(fits)
+    found = ledger.in_place(ledger.row(fits[0]), "offset_torque")
+    assert [(name, row.fit) for name, row in found] == [("viscous_asymmetry", fits[1])]
+
+
+def test_a_row_that_is_refused_for_the_size_of_something_else_is_no_rival() -> None:
+    """It may be likelier for that alone, which no machine has."""
+    fits = [with_effects("quadratic_drag", "offset_torque"), with_effects("cubic_drag", "offset_torque")]
+    ledger = Ledger(record().base, record().facts).with_rows(fits)
+    row, selection = ledger.row(fits[0]), Selection(record().base, record().base)
+
+    def rivals(reason: Reason, effect: str) -> list[str]:
+        asked = ledger.with_checks(fits[1], Check("size", effect, 0.0, 0.0, Decision(reason)))
+        likelier = replace(row, log_evidence=ledger.row(fits[1]).log_evidence)
+        found = choice._with_rivals(asked, likelier, selection).rivals
+        return [rival.name for rival in found.get("quadratic_drag", ())]
+
+    assert rivals(Reason.NOT_CONFIRMED, "offset_torque") == ["cubic_drag"]
+    assert rivals(Reason.IMPOSSIBLE, "cubic_drag") == ["cubic_drag"]
+    assert rivals(Reason.IMPOSSIBLE, "offset_torque") == []
 
 
 def test_what_only_this_record_s_clock_tells_has_lower_odds_beforehand() -> None:

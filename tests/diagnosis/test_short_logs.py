@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,10 @@ _STEPS = 50  # of a sample
 _LEVELS_A = (0.0, 0.25, 0.45, 0.6, 0.35, 0.15, 0.0)
 
 
-def turned(current_A: Float64Array, windage_1_rad: float) -> Float64Array:
+def turned(current_A: Float64Array, windage_1_rad: float, rate_hz: float = RATE_HZ) -> Float64Array:
     """Speeds (n,) of a small motor from rest, by explicit steps that share nothing with the estimator."""
     k, b, c, s, omega_s = 90.0, 0.15, 3.0, 3.6, 0.42
-    omega, found, h = 0.0, np.zeros(current_A.size), 1.0 / RATE_HZ / _STEPS
+    omega, found, h = 0.0, np.zeros(current_A.size), 1.0 / rate_hz / _STEPS
     for i in range(current_A.size):
         found[i] = omega
         for _ in range(_STEPS):
@@ -67,6 +68,24 @@ def test_one_log_of_seven_seconds_is_judged(tmp_path: Path, seed: int) -> None:
     assert rw_ekf.diagnose(short_log(tmp_path, seed)).verdict["kind"] == "adequate"
     found = rw_ekf.diagnose(short_log(tmp_path, seed, windage_1_rad=2.0e-3)).verdict
     assert found["effects"] in (["quadratic_drag"], ["cubic_drag"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [8.0, 12.0])
+def test_a_change_in_a_record_of_seconds_is_one_and_is_told_to_hundredths(seconds: float) -> None:
+    """A motor whose gain falls by a fifth: when, how much, and not as two changes, or as what ended there."""
+    rng, rows, at_s = np.random.default_rng(5), int(500.0 * seconds), 0.6 * seconds
+    time_s = np.arange(rows) / 500.0
+    current_A = np.repeat(rng.choice([-0.9, -0.3, 0.3, 0.9], size=rows // 100), 100)
+    speed = turned(np.where(time_s < at_s, current_A, 0.8 * current_A), 0.0, 500.0)
+    readings = speed + 0.1 * rng.standard_normal(rows)
+    told = rw_ekf.diagnose(rw_ekf.read({"time_s": time_s, "speed_rad_s": readings, "current_A": current_A}))
+    assert told.verdict["effects"] == ["change"], told.verdict["statement"]
+    (begun,) = re.findall(
+        r"From ([\d.]+) \+- ([\d.]+) s on the motor gain changes by (-[\d.]+)", told.verdict["statement"]
+    )
+    assert float(begun[0]) == pytest.approx(at_s, abs=max(4.0 * float(begun[1]), 0.01))
+    assert float(begun[2]) == pytest.approx(-20.0, abs=0.5)
 
 
 def test_logs_that_go_one_way_each_are_cut() -> None:

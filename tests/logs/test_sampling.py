@@ -97,6 +97,20 @@ def test_readings_that_are_held_are_no_readings(grid: float) -> None:
     assert not np.any(left & ~first)
 
 
+def test_a_hold_on_a_grid_that_is_as_coarse_as_its_steps_is_known_by_how_regular_it_is() -> None:
+    """Counts over 10 ms of an encoder of 400, new in every third row: a third of the changes are of two counts.
+
+    Without the hold no row of the same grid is taken for a repeat.
+    """
+    draws, rows = np.random.default_rng(6), np.arange(6000)
+    true = 60.0 * np.sin(0.015 * rows) + 0.05 * draws.standard_normal(rows.size)
+    grid = 2.0 * np.pi / 4.0
+    held = grid * np.round(true[rows // 3 * 3] / grid)
+    sampling = sampling_of(log_of(rows / 100.0, held))
+    assert sampling.refresh_s == pytest.approx(0.03, rel=0.01)
+    assert sampling_of(log_of(rows / 100.0, grid * np.round(true / grid))).refresh_s is None
+
+
 @pytest.mark.parametrize("stamped", ["evenly", "in batches"])
 def test_a_refresh_is_known_though_readings_are_alike_and_rows_come_in_batches(stamped: str) -> None:
     """One refresh in five repeats the reading before, rows of a batch share a moment: 10 Hz, 1000 rows a second."""
