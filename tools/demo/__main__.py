@@ -129,7 +129,7 @@ def draw_early(lot: Lot, log: Path) -> None:
 
 def reverse(lot: Lot, first: dict[str, Any], found: dict[str, Any]) -> bool:
     """Step 10: what the models are for; whether compensation kept the attitude. Nothing else may keep its turns."""
-    say("what it is for: a table held by this wheel while the wheel reverses; three at once, in real time, 75 s")
+    say("what it is for: a table held by this wheel while the wheel reverses; three at once, in real time, 70 s")
     print("   a fan pushes the table, the attitude controller asks the daemon for torques; largest attitude error")
     crossings = reversals(lot, Path(first["model"]), OUTPUT / "diagnosis" / found["model"], OUTPUT)
     pointed = print_peaks(crossings)
