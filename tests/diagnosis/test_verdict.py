@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,13 +16,15 @@ from rw_ekf.diagnosis.checks.swallowed import NOTHING
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.investigation import investigate
-from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.preparation import facts_of, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.verdict import conclude
 from rw_ekf.diagnosis.verdict.explanations import Explanation
 from rw_ekf.diagnosis.verdict.posterior import posterior_of, unlikely
-from rw_ekf.diagnosis.verdict.sentences import or_another_kind
+from rw_ekf.diagnosis.verdict.sentences import or_another_kind, or_another_order, sentence_of
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.model.effect import Candidate, Term
 from tests.diagnosis.simulated import log_of, simulated
 
 POSTERIOR = {"none": 0.9, "something_else": 0.1}
@@ -144,3 +146,29 @@ def test_what_a_change_may_be_as_well_is_told_with_its_chance() -> None:
     rows[1].weight = 4.0
     assert or_another_kind(found, "spell") == ""
     assert or_another_kind(found, "offset_torque") == ""
+
+
+def test_of_many_torques_with_a_period_the_largest_are_told() -> None:
+    """Three of five with their sizes, the others by their number; the model has them all."""
+    base = prepare(source_of([log_of(simulated(seed=5, samples=1200))]), None, None, "blocks").base
+    found = [
+        Term.at(CATALOGUE["external_torque"], Candidate(1.0, (hertz, 0.0, 0.0)))
+        for hertz in (0.31, 0.47, 0.73, 1.1, 1.7)
+    ]
+    sizes = (0.3, 0.01, 0.2, 0.1, 0.02)
+    terms = [replace(term, values=(size, 0.0)) for term, size in zip(found, sizes, strict=True)]
+    fit = base.sketched(base.model.with_terms(*terms))
+    facts = facts_of(fit.linearised.record.course, base, frozenset())
+    said = sentence_of(fit, "external_torque", facts)
+    assert said.count("A torque of") == 3
+    assert said.endswith("; and 2 smaller ones")
+
+
+def test_of_a_ripple_without_a_logged_angle_the_phase_is_said_to_be_the_record_s() -> None:
+    """Where its order is sure; with a logged angle nothing is open."""
+    prepared = SimpleNamespace(angle_is_logged=False)
+    sure = cast(Found, SimpleNamespace(prepared=prepared, orders={1.0: 0.99}))
+    assert "its phase is this record's" in or_another_order(sure, "torque_ripple")
+    logged = cast(Found, SimpleNamespace(prepared=SimpleNamespace(angle_is_logged=True), orders={1.0: 0.99}))
+    assert or_another_order(logged, "torque_ripple") == ""
+    assert or_another_order(sure, "quadratic_drag") == ""

@@ -29,6 +29,7 @@ _TOLD = ("free_run_rms_rpm", "horizon_20s_rms_rpm", "one_step_rms_rpm")  # the f
 _TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _SURE = 0.95  # probability of an order beside which no other is told
 _ORDERS_TOLD = 4
+_REPEATS_TOLD = 3  # ripples, or torques with a period, the largest
 _BLURRED = 0.25  # share by which squared errors held out grow for want of knowledge, and which is told
 
 
@@ -69,7 +70,10 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
         return effect.sentence_of_pieces([item.term for item in terms], walk.rate, facts)
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
-    text = "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in terms)
+    told = terms[:_REPEATS_TOLD] if effect.repeats else terms
+    text = "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in told)
+    if more := len(terms) - len(told):
+        text += f"; and {more} smaller one{'s' * (more > 1)}"
     # A bristle's length and damping do the same where all of its motion is slow: that there is one is known, no more.
     unsettled = not effect.linear and len(terms) == 1 and not fit.knows(name, LEAST_SIGMAS)
     return f"{text} (it is missed without it; how large it is, this record does not settle)" if unsettled else text
@@ -121,9 +125,11 @@ def _kind(fit: Fit, name: str) -> str:
 
 
 def or_another_order(found: Found, name: str) -> str:
-    """Which orders a ripple may have instead, in brackets, where the angle is not logged and one is not sure."""
-    if not CATALOGUE[name].angular or max(found.orders.values(), default=1.0) > _SURE:
+    """What is open of a ripple without a logged angle, in brackets: its order, unless it is sure, or its phase."""
+    if not CATALOGUE[name].angular or found.prepared.angle_is_logged:
         return ""
+    if max(found.orders.values(), default=1.0) > _SURE:
+        return " (without a logged angle its phase is this record's: another one begins elsewhere in the turn)"
     listed = [f"{order:g} ({chance_text(probability)})" for order, probability in found.orders.items()]
     more = f" and {len(listed) - _ORDERS_TOLD} others" if len(listed) > _ORDERS_TOLD else ""
     return f" (without a logged angle its order may be {', '.join(listed[:_ORDERS_TOLD])}{more})"
