@@ -60,6 +60,30 @@ class Levels:
 
 
 @dataclass(eq=False, frozen=True)
+class CurrentLevels:
+    """At which level the current of each interval stands, where a sensor tells these and not each row.
+
+    A level that is off by e moves the speed by k e for as long as the wheel turns: one regressor more for each, to be
+    integrated out as those above are.
+    """
+
+    of_sample: Int64Array  # (n,) that the interval stands at which a sample begins
+    moves_rad_s2: Float64Array  # (count,) acceleration of one standard deviation of each
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return int(self.moves_rad_s2.size)
+
+    def regressors(self, chain: Chain, *, with_memory: bool) -> tuple[Float64Array, Float64Array]:
+        """What one standard deviation of each level adds to the chain: (n, k), and to its memory (n, k) or (0, k)."""
+        before = np.roll(self.of_sample, 1)
+        speed = np.where(before[:, None] == np.arange(self.count), self.moves_rad_s2 * chain.noisy_s[:, None], 0.0)
+        speed[~chain.follows] = 0.0
+        return np.ascontiguousarray(speed), np.zeros((speed.shape[0] if with_memory else 0, self.count))
+
+
+@dataclass(eq=False, frozen=True)
 class Integrated:
     """The errors of the levels integrated out of whitened rows: (I + N N')^(-1/2), N = U s V'."""
 

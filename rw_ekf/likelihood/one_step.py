@@ -20,7 +20,7 @@ from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.course.grid import grid_of
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.likelihood.levels import Levels
+from rw_ekf.likelihood.levels import CurrentLevels, Levels
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, FrictionCurve, Stribeck
@@ -223,7 +223,7 @@ class Record:
     torque_noise: TorqueNoisePrior | None = None  # None: any amount is as likely as none
     angle_is_integrated: bool = False  # the course's angle: from speeds, so that it is lost slowly; else logged
     least_variance: float = 0.0  # [rad^2/s^2] of the readings: half of what rounding leaves of them
-    levels: Levels | None = None  # where readings that are rounded share an error that nobody knows
+    levels: Levels | CurrentLevels | None = None  # where readings that are rounded, or currents, share an unknown error
 
     @classmethod
     def of(

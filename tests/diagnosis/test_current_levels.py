@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -73,6 +74,42 @@ def test_a_law_of_the_current_is_found_through_its_noise() -> None:
     assert told.verdict["effects"] in (["motor_saturation"], ["learned_law"]), told.verdict["statement"]
     document = told.document()
     assert document["after"]["free_run_rms_rpm"] < 0.2 * document["before"]["free_run_rms_rpm"]
+
+
+@pytest.mark.slow
+def test_a_model_knows_what_a_filter_meets_that_reads_the_noise() -> None:
+    """A motor with a constant torque: the model that is written is consistent on its next record, as it is read.
+
+    What the sensor adds is no torque, and yet is one to a filter; without it NIS was 1.13 there.
+    """
+    rng = np.random.default_rng(6)
+    currents_A = [plateaus(rng, 8000) for _ in range(2)]
+    logs = [
+        log_of(current_A, motor(current_A, lambda current: GAIN * current - 6.0), rng, noise_A=0.004)
+        for current_A in currents_A
+    ]
+    told = rw_ekf.diagnose(logs[0])
+    assert told.verdict["effects"] == ["offset_torque"], told.verdict["statement"]
+    assert told.model is not None
+    (replayed,) = rw_ekf.replay(logs[1], model=told.model).document()["logs"]
+    assert replayed["innovation"]["nis_mean"] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 8, 9])
+def test_a_torque_is_as_uncertain_as_the_levels_that_it_is_told_beside(seed: int) -> None:
+    """Four levels, each known to .09 mA, beside a torque of 17 mA: off by no more than its sigma says.
+
+    With the levels taken for certain it was 23 sigma off.
+    """
+    rng = np.random.default_rng(seed)
+    current_A = plateaus(rng, 8000)
+    log = log_of(current_A, motor(current_A, lambda current: GAIN * current - 6.0), rng, noise_A=0.004)
+    told = rw_ekf.diagnose(log).verdict
+    assert told["effects"] == ["offset_torque"], told["statement"]
+    ((share, std),) = re.findall(r"constant torque of ([\d.]+) \+- ([\d.]+) % of Coulomb", told["statement"])
+    assert float(share) == pytest.approx(20.0, abs=4.0 * float(std))
+    assert float(std) < 0.15
 
 
 def test_a_current_that_the_motor_felt_stays_as_it_was_read() -> None:

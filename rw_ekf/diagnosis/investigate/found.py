@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -99,7 +100,11 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
 
 
 def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> WheelModel:
-    """A fit as a file carries it on; of: what it was fitted to."""
+    """A fit as a file carries it on; of: what it was fitted to.
+
+    Its torque noise is what a filter meets: who reads a current with a noise of its own, sigma, takes it for a torque,
+    k sigma dt an interval, as q = (k sigma)^2 dt makes of it.
+    """
     from rw_ekf.logs.record_print import print_of
     from rw_ekf.model.bounds import ASSUMED
     from rw_ekf.model.friction import LAW_NAMES
@@ -109,7 +114,7 @@ def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> 
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
-    variance = fit.noise.variance
+    variance, noise_A = fit.noise.variance, 0.0 if prepared.levels is None else prepared.levels.noise_A
     walk = walk_of(fit)
     model = fit.model if walk is None else walk.model
     if walk is not None:
@@ -125,7 +130,10 @@ def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> 
         stribeck_speed_rad_s=fit.model.stribeck.omega_s,
         stribeck_law=LAW_NAMES[fit.model.stribeck.law],
         speed_noise_rad_s=float(np.sqrt(variance)),
-        acceleration_noise=float(np.sqrt(fit.noise.ratio * variance / prepared.course.period_s)),
+        acceleration_noise=math.hypot(
+            math.sqrt(fit.noise.ratio * variance / prepared.course.period_s),
+            fit.model.parameters.motor_gain * noise_A * math.sqrt(prepared.course.period_s),
+        ),
         dry_walk=None if walk is None else walk.rate,
         inertia_kg_m2=prepared.setup.inertia_kg_m2,
         inertia_is_assumed=prepared.setup.inertia_from == ASSUMED,

@@ -18,6 +18,7 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.course import Course
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
+from rw_ekf.likelihood.levels import CurrentLevels
 from rw_ekf.numbers import number_text
 
 _OF_MEDIAN = 1.0 / (0.6745 * math.sqrt(2.0))  # of the size of a difference of two readings
@@ -26,7 +27,7 @@ _SAME_LEVEL = 3.5  # standard deviations of what the means of two stretches diff
 _LEAST_ROWS = 4  # of a stretch that says by itself where its level is
 _SLOPE, _FEW = 2.0, 0.1  # noises that a step has at least, and the share that may have less: a slope is many of those
 _MOSTLY = 0.9  # of the rows are in such stretches
-_MOST_TOLD = 64  # levels that the motion is asked about
+_MOST_OPEN = 24  # levels whose errors are integrated out, for what each costs
 _NO_MORE = 1.1  # times the noise from row to row, that readings are off their level by: else it moves in between
 
 
@@ -117,35 +118,18 @@ def read_with(base: Fit, current_A: Float64Array, delay_s: Float64Array | None) 
     return fit_model(base.problem._replace(record=other), Start(base.model, base.trajectory, base.noise))
 
 
-def at_levels(base: Fit, levels: Levels, delay_s: Float64Array) -> tuple[Fit, Levels]:
-    """A model fitted to its record with a current at its levels, which the motion tells better than the sensor does.
+def at_levels(base: Fit, levels: Levels, delay_s: Float64Array) -> Fit:
+    """A model fitted to its record with a current at its levels, what these are off by integrated out.
 
-    A thousand rows of a sensor with 4 mA say where a level is to .13 mA; a speed that it drives for seconds says more.
+    A thousand rows of a sensor with 4 mA say where a level is to .13 mA; a speed that it drives for seconds feels less.
     """
-    fit = read_with(base, levels.current_A, delay_s)
-    if fit.linearised.memory_jacobian.shape[0] or delay_s.any() or levels.level_A.size > _MOST_TOLD:
-        return fit, levels
-    levels = levels._replace(level_A=levels.level_A + _off_by(fit, levels))
-    return read_with(fit, levels.current_A, delay_s), levels
-
-
-def _off_by(fit: Fit, levels: Levels) -> Float64Array:
-    """What the levels (m,) are likely off by [A]: least squares beside all that is fitted, and beside their readings.
-
-    A level that is higher by one ampere moves the speed by the motor gain times the time that the wheel turns in.
-    """
-    linearised, count = fit.linearised, levels.level_A.size
-    moved = fit.model.parameters.motor_gain * linearised.chain.noisy_s[1:]  # of an interval, which a row begins
-    by_level = np.zeros((levels.of_row.size, count))
-    by_level[np.arange(1, levels.of_row.size), levels.of_row[:-1]] = moved
-    both = np.column_stack((linearised.jacobian, by_level))
-    sums, _, _ = linearised.whitened_sums(fit.noise.ratio, fit.noise.variance, both)
-    normal, target = sums[:-1, :-1], sums[-1, :-1]
-    normal[-count:, -count:] += np.diag(np.bincount(levels.of_row, minlength=count) / levels.noise_A**2)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1.0e-300))
-    step = np.linalg.lstsq(normal / np.outer(scale, scale), target / scale, rcond=None)[0] / scale
-    off_by: Float64Array = step[-count:]
-    return off_by
+    at = read_with(base, levels.current_A, delay_s)
+    if delay_s.any() or levels.level_A.size > _MOST_OPEN:
+        return at
+    rows = np.bincount(levels.of_row, minlength=levels.level_A.size)
+    moves = at.model.parameters.motor_gain * levels.noise_A / np.sqrt(rows)
+    record = replace(at.problem.record, levels=CurrentLevels(levels.of_row, moves))
+    return fit_model(at.problem._replace(record=record), Start(at.model, at.trajectory, at.noise))
 
 
 def said_of(levels: Levels, gain: float, *, in_rpm: bool) -> str:

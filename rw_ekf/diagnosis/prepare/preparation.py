@@ -12,7 +12,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, with_conditions
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.prepare.current_levels import at_levels, levels_of, said_of
+from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, said_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
 from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
@@ -76,6 +76,7 @@ class Prepared:
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
     in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
+    levels: Levels | None = None  # of the current, where it was taken at these and had a noise of its own
     _of_fit: dict[tuple[str, int], tuple[Fit, Any]] = field(default_factory=dict)  # what, of which fit (its id)
 
     @property
@@ -148,12 +149,14 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     base = with_later_break_away(likelier_along_filter(base, base, base.model))
     levels = levels_of(current, course.segment)
     if levels is not None:
-        fit, levels = at_levels(base, levels, delay)
+        fit = at_levels(base, levels, delay)
         gain = fit.likelihood.value - base.likelihood.value
         if gain > math.log(UNDOUBTED_P):
             base, current, record = fit, levels.current_A, fit.problem.record
             course = record.course
             notes += (said_of(levels, gain, in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm),)
+        else:
+            levels = None
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
         record = replace(record, course=course, angle_is_integrated=True)
@@ -165,7 +168,10 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         base = likeliest_stribeck_speed(base, facts.top_speed_rad_s)
         facts = replace(facts_of(course, base, channels, source.timing_doubt_s, starts), stribeck_is_open=True)
     fit_part, heldout = (
-        Record.of(course, mask, setup.constants, work, log_of, torque_noise, angle_is_integrated=not turned)
+        replace(
+            Record.of(course, mask, setup.constants, work, log_of, torque_noise, angle_is_integrated=not turned),
+            levels=record.levels,
+        )
         for mask in (split.fit, split.heldout)
     )
     return Prepared(
@@ -182,6 +188,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         kept=kept,
         notes=notes,
         in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm,
+        levels=levels,
     )
 
 
