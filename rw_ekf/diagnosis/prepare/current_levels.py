@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
 from rw_ekf.course.course import Course
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
@@ -31,6 +31,7 @@ _MOST_OPEN = 24  # levels whose errors are integrated out, for what each costs
 _NO_MORE = 1.1  # times the noise from row to row, that readings are off their level by: else it moves in between
 
 
+@by_identity
 class Levels(NamedTuple):
     """A current without its sensor's noise."""
 
