@@ -12,7 +12,17 @@ from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
 from rw_ekf.logs.raw_table import Factor
-from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, is_stamp, split_cells, without_trailing
+from rw_ekf.logs.text_cells import (
+    BLANKS,
+    CELL,
+    MARKS,
+    MOSTLY,
+    STAMP,
+    TextLayout,
+    is_stamp,
+    split_cells,
+    without_trailing,
+)
 from rw_ekf.logs.text_forms import RECEIVED
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
@@ -237,7 +247,7 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
         cells = without_trailing(split_cells(bare, CELL))
         return cells if len(cells) > 1 or layout.width == 1 else []
     best: list[str] = []
-    for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
+    for mark in dict.fromkeys((layout.delimiter, *MARKS, BLANKS)):
         cells = split_cells(bare, mark)
         if mark == BLANKS:
             wide = [cell for cell in re.split(r"\s{2,}|\t", bare.strip()) if cell]

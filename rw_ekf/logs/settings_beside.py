@@ -13,10 +13,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from rw_ekf.logs.log_text import LogText
-from rw_ekf.logs.text_cells import TextLayout, split_cells
+from rw_ekf.logs.text_cells import MARKS, TextLayout, split_cells
 from rw_ekf.logs.text_layout import NEARLY_ALL, encoding_of, lines_of
 
-_DELIMITERS = ("\t", ";", ",", "|")
 _LOOKED_AT = 400  # rows
 _MOST_SETTINGS = 60  # rows that have one
 _LEAST_CORE = 2  # columns of numbers: a time and a signal
@@ -37,7 +36,7 @@ def beside(rows: Sequence[Sequence[Any]], is_value: Callable[[Any], bool]) -> Be
     """
     rows = rows[:_LOOKED_AT]
     width = max(map(len, rows), default=0)
-    filled = [[at for at, row in enumerate(rows) if len(row) > c and row[c] not in ("", None)] for c in range(width)]
+    filled = [[at for at, row in enumerate(rows) if _is_filled(row, c)] for c in range(width)]
     rest = range(min(_MOST_SETTINGS, len(rows) // 2), len(rows))
     aside = [c for c in range(width) if filled[c] and filled[c][-1] < rest.start]
     if not aside:
@@ -56,19 +55,23 @@ def beside(rows: Sequence[Sequence[Any]], is_value: Callable[[Any], bool]) -> Be
     return Beside(columns, max(at for c in columns for at in filled[c]), core)
 
 
+def _is_filled(row: Sequence[Any], column: int) -> bool:
+    return column < len(row) and row[column] not in ("", None)
+
+
 def _has_all(row: Sequence[Any], core: Sequence[int], is_value: Callable[[Any], bool]) -> bool:
-    return len(row) > max(core) and all(row[c] not in ("", None) and is_value(row[c]) for c in core)
+    return all(_is_filled(row, c) and is_value(row[c]) for c in core)
 
 
 def told(row: Sequence[Any], found: Beside) -> str:
     """What a row has beside its numbers, as a line of text; empty for nothing."""
-    cells = [str(row[c]) for c in sorted(found.columns) if c < len(row) and row[c] not in ("", None)]
+    cells = [str(row[c]) for c in sorted(found.columns) if _is_filled(row, c)]
     return ": ".join(cells)
 
 
 def without(row: Sequence[Any], found: Beside) -> list[Any]:
     """A row, its settings empty; what is no row of the numbers, nor of their names, stays as it is."""
-    is_one = any(row[c] not in ("", None) for c in found.core if c < len(row))
+    is_one = any(_is_filled(row, c) for c in found.core)
     return ["" if is_one and c in found.columns else cell for c, cell in enumerate(row)]
 
 
@@ -79,8 +82,8 @@ def parted(text: LogText, head: bytes, delimiter: str | None) -> tuple[bytes, tu
     """
     encoding = encoding_of(head)
     begun = lines_of(head.decode(encoding, "replace"))[:_LOOKED_AT]
-    for mark in (delimiter,) if delimiter else _DELIMITERS:
-        if mark not in _DELIMITERS or sum(mark in line for line in begun) < NEARLY_ALL * len(begun):
+    for mark in (delimiter,) if delimiter else MARKS:
+        if mark not in MARKS or sum(mark in line for line in begun) < NEARLY_ALL * len(begun):
             continue
         cells = [split_cells(line, mark) for line in begun]
         ways = (beside(cells, TextLayout(decimal=decimal).is_value) for decimal in ".,")

@@ -14,6 +14,7 @@ from rw_ekf.logs.raw_table import Factor
 from rw_ekf.logs.text_forms import NO_FORM, LineForm
 from rw_ekf.logs.time_text import is_odd_stamp
 
+MARKS = ("\t", ";", ",", "|")  # that stand between cells
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 CELL = "\x1f"  # as a delimiter: cells stood apart from each other, as those of a sheet, and none can be missing
 MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data

@@ -14,10 +14,10 @@ from dataclasses import replace
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.header_rows import with_names
-from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_number, is_stamp
+from rw_ekf.logs.text_cells import BLANKS, MARKS, TextLayout, has_units, is_number, is_stamp
 from rw_ekf.logs.text_forms import MARK, labelled_form, stamped_form
 
-_DELIMITERS = ("\t", ";", ",", "|", BLANKS)
+_DELIMITERS = (*MARKS, BLANKS)
 _OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "koi8-r", "cp866", "big5", "euc-kr", "cp1250")
 _LOOKED_AT = 400  # lines
 NEARLY_ALL = 0.9  # of the rows begin with a value where each does

@@ -14,10 +14,9 @@ from collections.abc import Iterable, Sequence
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.log_text import LogText
-from rw_ekf.logs.text_cells import TextLayout, split_cells, without_trailing
+from rw_ekf.logs.text_cells import MARKS, TextLayout, split_cells, without_trailing
 from rw_ekf.logs.text_layout import NEARLY_ALL, encoding_of, lines_of
 
-_DELIMITERS = ("\t", ";", ",", "|")
 _MOST_SIGNALS = 60  # lines
 _LEAST_VALUES = 20  # of a signal: fewer may be a short log of many columns
 
@@ -26,7 +25,7 @@ def turned(text: LogText, head: bytes, delimiter: str | None) -> bytes | None:
     """The text with a row for each sample; None for one that is not on its side. head: its beginning."""
     encoding = encoding_of(head)
     first = lines_of(head.decode(encoding, "replace"), 1)[0]
-    marks = [mark for mark in _DELIMITERS if delimiter in (None, mark) and first.count(mark) > _LEAST_VALUES]
+    marks = [mark for mark in MARKS if delimiter in (None, mark) and first.count(mark) > _LEAST_VALUES]
     if not marks or head.count(b"\n") > _MOST_SIGNALS:
         return None
     with text.open() as stream:

@@ -156,7 +156,7 @@ def _finding(
         high = min(high, facts.top_speed_rad_s)
     sizes = _sizes(fit, window.inside) if source == "torque" else _reading_sizes(fit, window.inside, used)
     inside, elsewhere = sizes
-    if not inside > elsewhere:
+    if inside <= elsewhere:
         return None
     return NoiseFinding(window.along, low, high, inside, elsewhere, together, source)
 

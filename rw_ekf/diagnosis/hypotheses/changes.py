@@ -154,11 +154,11 @@ def _at_likeliest_time(
 ) -> tuple[Fit, float]:
     """The change at its likeliest time, and the time's standard deviation [s]. goes: what of it is moved."""
     fits = {0.0: fit}
-    course = less.linearised.record.course
-    reach = float(course.time_s[-1] - course.time_s[0]) / _PLACES
+    time_s = less.linearised.record.course.time_s
+    begin_s, end_s = float(time_s[0]), float(time_s[-1])
+    reach = (end_s - begin_s) / _PLACES
     of_seconds = reach < 2.0 * _TIME_TOLERANCE_S  # such a record tells its times more finely
     tolerance_s = _FINER * reach if of_seconds else _TIME_TOLERANCE_S
-    begin_s, end_s = float(course.time_s[0]), float(course.time_s[-1])
     while reach > tolerance_s:
         best = max(fits, key=lambda by: fits[by].likelihood.value)
         for by in (best - reach, best + reach):

@@ -67,8 +67,7 @@ def twins_in_place(search: Search, selection: Selection) -> list[Fit]:
         twins = [effect for effect in search.effects if effect.id not in present and _is_twin(name, effect)]
         for effect in (twin for twin in twins if twin.coefficient.unit == CATALOGUE[name].coefficient.unit):
             search.advance(f"comparing rivals of {name}")
-            starts = [less.model.with_terms(Term.at(effect, Candidate(ratio * value))) for ratio in _TWIN_RATIOS]
-            best = max((less.sketched(model) for model in starts), key=lambda fit: fit.likelihood.value)
+            best = max(_sketches_of_twin(less, effect, value), key=lambda fit: fit.likelihood.value)
             fits.append(less.refitted(best.model))
     return [fit for fit in fits if all(fit.model.possible(name, search.facts) for name in fit.model.effects.ids)]
 
@@ -109,7 +108,12 @@ def _fits_in_place(
     if search.work.has(work.RIVALS):
         models = [less.model.with_terms(term) for term in starts]
         return [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
-    near_it = [Term.at(effect, Candidate(ratio * value)) for ratio in _TWIN_RATIOS]
+    return _sketches_of_twin(less, effect, value)
+
+
+def _sketches_of_twin(less: Fit, effect: type[Effect], value: float) -> list[Fit]:
+    """A twin beside `less`, sketched from around the value of what it may replace."""
+    near_it = (Term.at(effect, Candidate(ratio * value)) for ratio in _TWIN_RATIOS)
     return [less.sketched(less.model.with_terms(term)) for term in near_it]
 
 

@@ -112,6 +112,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     """
     log, log_of = source.log, source.log_of
     course, setup, noise, notes = _set_up(source, configuration, model)
+    in_rpm = setup.inertia_kg_m2 is not None or log.in_rpm
     split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise, log_of)
     kept = split.looked_at
     current, delay = log.current_A, log.command_delay_s
@@ -154,7 +155,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         if gain > math.log(UNDOUBTED_P):
             base, current, record = fit, levels.current_A, fit.problem.record
             course = record.course
-            notes += (said_of(levels, gain, in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm),)
+            notes += (said_of(levels, gain, in_rpm=in_rpm),)
         else:
             levels = None
     if not turned:
@@ -187,7 +188,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         base=base,
         kept=kept,
         notes=notes,
-        in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm,
+        in_rpm=in_rpm,
         levels=levels,
     )
 

@@ -103,15 +103,15 @@ def _share_of_numbers(row: list[Any]) -> float:
 
 
 def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> RawTable:
-    first = _first_data(rows, columns)
-    if first is None:
-        raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
     settings = beside([row for _, row in rows], lambda cell: _number(cell) is not None)
     if settings is not None:
         preset = [text for _, row in rows[: settings.last + 1] if (text := told(row, settings))]
         table = _table([(number, without(row, settings)) for number, row in rows], name, columns)
         table.preamble = (*table.preamble, *preset)
         return table
+    first = _first_data(rows, columns)
+    if first is None:
+        raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
     data, left_out = _rows_of_data(rows[first:])
     width = max(len(row) for _, row in data)
     above = [] if columns.csv.header is False else [_as_text(row, width) for _, row in rows[:first]]
