@@ -173,7 +173,7 @@ def fit_record(
         ignored += [*prior.remarks, *([] if again is None else [again])]
     record = print_of(log)
     log, sampling = without_repeats(log)
-    course = Course.of_log(log, () if prior is None else prior.effects.columns)
+    course = Course.of_log(log, *((), 0.0) if prior is None else (prior.effects.columns, prior.temperature_lag_s))
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < _LEAST_READINGS:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")

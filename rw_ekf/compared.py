@@ -103,7 +103,8 @@ def log_likelihood(model: WheelModel, log: WheelLog) -> float:
 
     Raises BadInputError for a log of which the filter uses nothing.
     """
-    course = with_conditions(Course.of_log(without_repeats(log)[0], model.effects.columns))
+    alone = without_repeats(log)[0]
+    course = with_conditions(Course.of_log(alone, model.effects.columns, model.temperature_lag_s))
     setup = setup_of_record(course, None, model)
     run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects)
     if not (run.outcome == decisions.UPDATED).any():

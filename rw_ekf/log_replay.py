@@ -159,7 +159,7 @@ def replay_log(
     # A run goes on from its own start just as it went: every reading that it took then.
     log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
     known = setup if setup is not None else model
-    course = Course.of_log(log, () if known is None else known.effects.columns)
+    course = Course.of_log(log, *((), 0.0) if known is None else (known.effects.columns, known.temperature_lag_s))
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
     with_hindsight = setup is None and configuration is None

@@ -64,6 +64,8 @@ def replay_long(
     effects = NO_EFFECTS if known is None else known.effects
     if configuration is None and setup is None and changes_with_time(effects):
         raise UnsoundError(f"{log.name}: when something begins is told from the whole of it")
+    if known is not None and known.temperature_lag_s > 0.0:
+        raise UnsoundError(f"{log.name}: a temperature that acts late goes on from part to part")
     parts = _Parts(log, effects.columns, as_it_was=setup is not None)
     with blaming(model, log.name):
         if setup is None and configuration is None:

@@ -63,6 +63,11 @@ class FilterSetup:
         return (*STATE_NAMES, *self.effects.state_names)
 
     @property
+    def temperature_lag_s(self) -> float:
+        """By which the temperature that acts follows what is read [s]."""
+        return self.constants.temperature_lag_s
+
+    @property
     def effect_drift(self) -> Float64Array:
         """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
         rate = self.constants.relative_drift if self.constants.wanders else 0.0
@@ -101,6 +106,7 @@ def setup_of_configuration(
         gate_probability=section.gate_probability,
         max_gap_s=section.max_gap_s,
         nominal_period_s=max(1.0 / configuration.loop.rate_hz, period_s),
+        temperature_lag_s=0.0 if model is None else model.temperature_lag_s,
     )
     inertia, inertia_from = _inertia(configuration, model)
     return FilterSetup(
@@ -182,6 +188,7 @@ def setup_of_model(
         dry_walk=_walk_of(model),
         scale=model.parameters,
         nominal_period_s=period_s,
+        temperature_lag_s=model.temperature_lag_s,
     )
     return FilterSetup(
         constants,
@@ -233,6 +240,7 @@ def model_of(
         source={**source, "rw_ekf": __version__},
         effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
         wheel=wheel,
+        temperature_lag_s=setup.temperature_lag_s,
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
+from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.current_schedule import pieces_of_log
 from rw_ekf.errors import LogError
 from rw_ekf.model.law import MOST_COLUMNS
@@ -65,10 +66,11 @@ class Course(NamedTuple):
         )
 
     @classmethod
-    def of_log(cls, log: WheelLog, columns: Sequence[str] = ()) -> Course:
+    def of_log(cls, log: WheelLog, columns: Sequence[str] = (), temperature_lag_s: float = 0.0) -> Course:
         """Take what filters read from a log. Raises LogError for a value that no machine can have.
 
-        columns: names of those that learned laws are functions of, three at most.
+        columns: names of those that learned laws are functions of, three at most. temperature_lag_s: by which the
+        temperature that acts, which a course has, follows the log's.
         """
         for name, values in (("speed", log.speed_rad_s), ("current", log.current_A)):
             wild = np.abs(values) > WILD
@@ -78,13 +80,16 @@ class Course(NamedTuple):
                     f"{log.name}: a {name} of {values[row]:.3g} at time_s {log.time_s[row]:g} is beyond any machine "
                     f"(above {WILD:g}): mend or empty that cell"
                 )
+        temperature = log.channels.get("temperature_degC")
+        if temperature is not None and temperature_lag_s > 0.0:
+            temperature = acting_temperature(log.time_s, log.segment, temperature, temperature_lag_s)
         return cls.of(
             log.time_s,
             log.speed_rad_s,
             log.current_A,
             log.command_delay_s,
             log.segment,
-            log.channels.get("temperature_degC"),
+            temperature,
             log.channels.get("angle_rad"),
             columns_of(log, columns),
         )

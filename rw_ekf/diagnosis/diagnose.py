@@ -15,9 +15,11 @@ from rw_ekf.diagnosis.hypotheses.left_behind import laws_left_behind
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
+from rw_ekf.diagnosis.investigate.widths import with_known_lag
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
+from rw_ekf.diagnosis.prepare.temperature_lag import with_likely_lag
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA
@@ -64,7 +66,7 @@ def _diagnosed(
     advance: Advance,
 ) -> Diagnosis:
     logs = [log] if isinstance(log, WheelLog) else log
-    source = source_of(logs, () if model is None else model.effects.columns)
+    source = source_of(logs, *((), 0.0) if model is None else (model.effects.columns, model.temperature_lag_s))
     described = configuration is not None or model is not None
     asked = [(one, *misreadings_and_questions(one, described=described)) for one in logs]
     misread = [(one.name, text) for one, odd, _ in asked for text in odd]
@@ -80,9 +82,9 @@ def _diagnosed(
     if model is not None and (left := laws_left_behind(prepared, model.effects)):
         source = replace(source, notes=(*source.notes, *left.values()))
         prepared = prepare(source, configuration, model.without(left), split)
-    prepared = richer_part(prepared)
+    prepared = with_likely_lag(richer_part(prepared), advance)
     prepared.record.work.start_clock()
-    found = thoroughly_investigated(prepared, advance)
+    found = with_known_lag(thoroughly_investigated(prepared, advance))
     found = _with_said_first(found, said_of_late_rows(found))
     advance("judging on the held-out part")
     told = conclude(found, advance)

@@ -110,6 +110,7 @@ def _is_said_by_parts(fit: Fit, told: Fit, prepared: Prepared) -> bool:
         model.has_memory
         or model.effects.table().hidden
         or told.simulated
+        or prepared.temperature_lag is not None  # which goes on from part to part
         or fit.linearised.record.levels is not None
         or any(quantity_of(effect) == "time" or effect.local_in_time for effect in effects)
         or "time" in quantities

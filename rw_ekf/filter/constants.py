@@ -37,6 +37,7 @@ class FilterConstants(NamedTuple):
     stuck_variance: float  # speed variance kept while the wheel is believed stuck [rad^2/s^2]
     max_gap_s: float  # a longer interval re-seeds the speed
     reseed_after: int  # this many gated samples in a row re-seed the speed
+    temperature_lag_s: float  # by which the temperature that acts follows what is read; a course has it in it [s]
 
     @property
     def speed_noise_rad_s(self) -> float:
@@ -81,6 +82,7 @@ def filter_constants(
     gate_probability: float = 0.9999,
     max_gap_s: float = 2.0,
     nominal_period_s: float = 0.1,
+    temperature_lag_s: float = 0.0,
 ) -> FilterConstants:
     """Collect what the filter needs, from units with a meaning.
 
@@ -89,6 +91,7 @@ def filter_constants(
     dry_walk: by how much dry friction walks at random besides [rad/s^2 per sqrt(s)].
     gate_probability: of accepting a good reading; the gate is that quantile of chi-square with one degree of freedom.
     max_gap_s: a longer interval re-seeds the speed; never below five periods.
+    temperature_lag_s: of a bearing behind its thermometer.
     """
     per_second = parameter_drift**2 / _SECONDS_PER_HOUR
     drift = FrictionParameters(*((value * value) * per_second for value in scale))
@@ -106,6 +109,7 @@ def filter_constants(
         stuck_variance=(0.1 * speed_noise_rad_s) ** 2,
         max_gap_s=max(max_gap_s, 5.0 * nominal_period_s),
         reseed_after=5,
+        temperature_lag_s=temperature_lag_s,
     )
 
 

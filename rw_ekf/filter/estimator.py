@@ -73,7 +73,9 @@ class Estimator:
         self.points = OperatingPoints.of_wheel(start.parameters, constants.stribeck.omega_s)
         self._validity = Validity(start)
         remembers = max(self.ekf.table.delay_at, self.ekf.table.window_at) != ABSENT
-        self._gatherer = Gatherer(remembers=remembers, columns=effects.columns)
+        self._gatherer = Gatherer(
+            remembers=remembers, columns=effects.columns, temperature_lag_s=constants.temperature_lag_s
+        )
         self._last: WheelSample | None = None
         self._effect_names = effects.state_names
 

@@ -14,7 +14,7 @@ from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.law import MOST_COLUMNS
 from rw_ekf.records import Conditions, WheelSample
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.interval import Interval, Pieces, warmed
 from rw_ekf.wheel.outlook import WheelOutlook
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay or a window
@@ -56,10 +56,10 @@ def outlook(
 class Gatherer:
     """Collects, sample by sample, what the compiled pass over a log reads from its columns."""
 
-    def __init__(self, *, remembers: bool, columns: Sequence[str] = ()) -> None:
+    def __init__(self, *, remembers: bool, columns: Sequence[str] = (), temperature_lag_s: float = 0.0) -> None:
         """remembers: keep past pieces of current, which only a delay and a window look back at.
 
-        columns: of samples, that learned laws are functions of.
+        columns: of samples, that learned laws are functions of. temperature_lag_s: of what acts behind what is read.
         """
         self.schedule = CurrentSchedule()
         self.angle_rad = 0.0
@@ -67,6 +67,8 @@ class Gatherer:
         self._names = columns
         self._columns = [math.nan] * MOST_COLUMNS
         self._temperature_degC = REFERENCE_DEGC  # effects of temperature are relative to it: none until it is read
+        self._read_degC = math.nan  # since the segment began
+        self._lag_s = temperature_lag_s
         self._past: list[tuple[float, float, float]] = []
 
     @property
@@ -93,6 +95,7 @@ class Gatherer:
         """Forget the currents: a new segment, whose clock says nothing about the old one's, and no interval before."""
         self.schedule.restart()
         self._past.clear()
+        self._read_degC = math.nan
         warmth, angle, columns = self.conditions
         return Surroundings(Interval(0.0, 0.0, warmth, angle, 0, 0, 0, columns), Pieces([], [], []))
 
@@ -135,8 +138,10 @@ class Gatherer:
             self.angle_rad += turned
         if sample.angle_rad is not None and not math.isnan(sample.angle_rad):
             self.angle_rad = sample.angle_rad
-        if sample.temperature_degC is not None and not math.isnan(sample.temperature_degC):
-            self._temperature_degC = sample.temperature_degC
+        now_degC = math.nan if sample.temperature_degC is None else sample.temperature_degC
+        self._temperature_degC, self._read_degC = warmed(
+            self._temperature_degC, self._read_degC, now_degC, dt, self._lag_s
+        )
         for slot, name in enumerate(self._names):
             value = getattr(sample, name, None)
             if value is not None and not math.isnan(value):

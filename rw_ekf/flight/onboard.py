@@ -39,7 +39,7 @@ from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.moment import Columns
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import Interval, Pieces, last_known
+from rw_ekf.wheel.interval import Interval, Pieces, last_known, warmed
 
 Clock = float  # a time [s] that is kept in double precision whatever the rest is
 
@@ -64,7 +64,8 @@ TEMPERATURE_DEGC = 2
 ANGLE_RAD = 3
 COLUMN = 4  # and the two behind it: columns that learned laws are functions of
 PREDICTED_RAD_S = 7  # speed before the last reading was weighed
-_NOW = 8
+READ_DEGC = 8  # temperature that was read last since the segment began, which the one that acts follows
+_NOW = 9
 
 # Places in `Onboard.last_s`.
 USED = 0  # time of the last sample that was used
@@ -79,7 +80,7 @@ class Onboard(NamedTuple):
     P: Float64Array  # (n, n) their covariance
     memory: Memory
     last_s: Any  # (2,) time of the last sample that was used, and of the last that came
-    now: Any  # (8,)
+    now: Any  # (9,)
     counts: Any  # (7,)
     acts_s: Any  # (8,) when pending commands take force, in order of time
     pending_A: Any  # (8,)
@@ -116,7 +117,7 @@ def onboard_of(
     x, P = np.array(mean, dtype=np.float64), np.array(covariance, dtype=np.float64)
     now = np.zeros(_NOW)
     now[TEMPERATURE_DEGC] = REFERENCE_DEGC
-    now[COLUMN:] = math.nan
+    now[COLUMN:] = math.nan  # and what was read
     return Onboard(
         x,
         P,
@@ -201,7 +202,7 @@ def _gather(held: Onboard, to_s: Clock, epoch_s: Clock) -> int:
     return found
 
 
-def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float) -> None:
+def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float, temperature_lag_s: float) -> None:
     """Note the conditions at a reading: as they are told, or the angle from the mean speed since the one before."""
     now = held.now
     turned = mean_speed * dt
@@ -209,8 +210,9 @@ def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float) -> None
         now[ANGLE_RAD] += turned
     if not math.isnan(reading.angle_rad):
         now[ANGLE_RAD] = reading.angle_rad
-    if not math.isnan(reading.temperature_degC):
-        now[TEMPERATURE_DEGC] = reading.temperature_degC
+    now[TEMPERATURE_DEGC], now[READ_DEGC] = warmed(
+        now[TEMPERATURE_DEGC], now[READ_DEGC], reading.temperature_degC, dt, temperature_lag_s
+    )
     columns = last_known((now[COLUMN], now[COLUMN + 1], now[COLUMN + 2]), reading.columns)
     now[COLUMN] = columns[0]
     now[COLUMN + 1] = columns[1]
@@ -267,6 +269,7 @@ def take_reading(
         held.counts[KNOWS] = 0
         held.counts[PENDING] = 0
         now[IN_FORCE_A] = 0.0
+        now[READ_DEGC] = math.nan
     else:
         # In single precision times within an interval count from its begin, else from where the clock does.
         epoch = last if relative else 0.0
@@ -285,7 +288,7 @@ def take_reading(
         judged = innovation_of(held.x, held.P, constants, sample)
         what = weigh(held.x, held.P, held.memory, constants, table, sample)
     moved = 0.5 * (before + predicted) if held.memory.now[CONTINUOUS] == 1.0 else 0.0
-    _note(held, reading, moved, dt)
+    _note(held, reading, moved, dt, constants.temperature_lag_s)
     held.last_s[USED] = reading.time_s
     held.counts[SEEN] = 1
     verdict = look_after(held.x, held.P, held.memory, constants, table, sample, what, judged)

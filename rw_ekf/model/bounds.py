@@ -21,6 +21,7 @@ STRIBECK_SPEED_RAD_S = (1.0e-9, 1.0e6)
 SPEED_NOISE_RAD_S = (1.0e-9, 1.0e4)
 ACCELERATION_NOISE = (0.0, 1.0e4)
 DRY_WALK = (0.0, 1.0e4)
+LONGEST_TEMPERATURE_LAG_S = 1.0e6
 INERTIA_KG_M2 = (1.0e-12, 1.0e6)
 ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 LEAST_STD = 1.0e-12

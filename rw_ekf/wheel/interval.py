@@ -45,6 +45,24 @@ def interval_after(course: Any, i: int) -> Interval:
     )
 
 
+def warmed(acts_degC: float, read_degC: float, now_degC: float, dt_s: float, lag_s: float) -> tuple[float, float]:
+    """The temperature that acts, and the one read last, dt_s after `acts_degC` did beside `read_degC`.
+
+    A body follows its thermometer by tau dT/dt = T_read - T (docs/effects.md eq. 10), exactly where a reading holds to
+    the next. now_degC: NaN where there is none. read_degC: NaN before the first of a segment, where the two are one.
+    """
+    if math.isnan(read_degC):
+        if math.isnan(now_degC):
+            return acts_degC, now_degC
+        return now_degC, now_degC
+    held_degC = now_degC
+    if math.isnan(now_degC):
+        held_degC = read_degC
+    if lag_s <= 0.0:
+        return held_degC, held_degC
+    return read_degC + (acts_degC - read_degC) * math.exp(-dt_s / lag_s), held_degC
+
+
 def last_known(before: Columns, now: Columns) -> Columns:
     """Each of them as it is, or as it was where it is not known."""
     return (

@@ -241,6 +241,9 @@ class ModelFile(Section):
     stribeck: _Stribeck = Key(description="speed_rad_s and law")
     noise: Annotated[_Noise, BeforeValidator(_table_or_nothing)] = _Noise()
     inertia_kg_m2: Annotated[float, _possible(model_bounds.INERTIA_KG_M2)] | None = None
+    temperature_lag_s: float = Key(
+        0.0, ge=0, le=model_bounds.LONGEST_TEMPERATURE_LAG_S, description="of what acts behind what is read"
+    )
     inertia_from: Annotated[str, one_of([ASSUMED])] = Key("", description="left out where somebody gave the inertia")
     wheel: _Wheel | None = Key(None, description="serial_number, kind, version, wire_map and so on")
     source: dict[Any, Any] | None = Key(None, description="method, log and so on: for people")

@@ -49,6 +49,7 @@ class WheelModel:
     wheel: WheelTag | None = None  # None: nobody knows whose it is
     remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be said of the file it was read from
     inertia_is_assumed: bool = False  # it is the default, whatever passed it on
+    temperature_lag_s: float = 0.0  # by which the temperature that acts follows the one that is read
 
     @property
     def own_effects(self) -> tuple[type[FormulaEffect], ...]:
@@ -93,6 +94,7 @@ class WheelModel:
                 "acceleration_rad_s_per_sqrt_s": self.acceleration_noise,
                 **({} if self.dry_walk is None else {"dry_friction_rad_s2_per_sqrt_s": self.dry_walk}),
             },
+            **({} if self.temperature_lag_s == 0.0 else {"temperature_lag_s": self.temperature_lag_s}),
             "effects": [entry for term in self.effects.terms for entry in _effect_documents(term)],
         }
 
@@ -172,6 +174,7 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         effects=found.effect_set,
         wheel=None if found.wheel is None else WheelTag(**found.wheel.model_dump()),
         inertia_is_assumed=found.inertia_from == ASSUMED,
+        temperature_lag_s=found.temperature_lag_s,
     )
 
 

@@ -11,6 +11,7 @@ which knows nothing of where the first fit ended.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.hypotheses.candidates import Score
@@ -52,6 +53,17 @@ def by_likeliest_law(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> Fit:
         return fit
     fits = [item for item in with_each_law(less, fit, name).values() if item.model.possible(name, facts)]
     return max([fit, *fits], key=lambda item: item.likelihood.value)
+
+
+def with_laws_asked_again(fit: Fit, names: Iterable[str], facts: RecordFacts) -> Fit:
+    """The fit, or a likelier one by other laws of effects that were there before the last one entered.
+
+    Alone the straight line of a law may do a part of what another effect does.
+    """
+    for name in names:
+        if has_laws(name):
+            fit = by_likeliest_law(fit, fit, name, facts)
+    return fit
 
 
 def possible_fit(current: Fit, impossible: Fit, score: Score, facts: RecordFacts) -> Fit:

@@ -144,4 +144,5 @@ def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> 
             "rw_ekf": __version__,
         },
         effects=effects.with_values(effects.values, stds),
+        temperature_lag_s=0.0 if prepared.temperature_lag is None else prepared.temperature_lag.value_s,
     )

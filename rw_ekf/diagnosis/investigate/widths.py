@@ -15,6 +15,8 @@ import numpy as np
 
 from rw_ekf.diagnosis.hypotheses.held_numbers import may_be_held, with_coefficient, with_constant
 from rw_ekf.diagnosis.hypotheses.onset import ONSET, held, moved
+from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.prepare.temperature_lag import width_of
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import STRIBECK
 from rw_ekf.likelihood.fitting import Fit
@@ -76,6 +78,28 @@ def with_open_stribeck_speed(fit: Fit, facts: RecordFacts) -> Fit:
             [(p, float(item.model.vector[place]), float(item.std[place])) for p, item in others],
         )
     return fit
+
+
+def with_known_lag(found: Found) -> Found:
+    """The same with how well the lag of the temperature is known; without it where nothing goes with the temperature.
+
+    Numbers of laws of the temperature are known by as much less. A lag that came with a model is not asked again.
+    """
+    prepared, lag = found.prepared, found.prepared.temperature_lag
+    if lag is None or not math.isnan(lag.std_s):
+        return found
+    terms = found.fit.model.terms
+    if not any("temperature_degC" in t.effect.needs or (t.law and t.law.quantity == "temperature") for t in terms):
+        return replace(found, prepared=replace(prepared, temperature_lag=None))
+    known, more = width_of(prepared, found.fit)
+    reported = found.reported
+    covariance = reported.likelihood.covariance.copy()
+    size = reported.model.known  # shapes that were made free for their widths stand behind
+    covariance[:size, :size] += more[:size, :size]
+    return replace(
+        found, prepared=replace(prepared, temperature_lag=known),
+        reported=replace(reported, likelihood=replace(reported.likelihood, covariance=covariance)),
+    )  # fmt: skip
 
 
 def with_profiled_onset(fit: Fit, name: str, facts: RecordFacts) -> Fit:

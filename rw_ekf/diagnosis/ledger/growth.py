@@ -11,7 +11,12 @@ from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
 from rw_ekf.diagnosis.hypotheses.grounds import Nameless
-from rw_ekf.diagnosis.hypotheses.other_starts import by_likeliest_law, in_deepest_valleys, lower_valley
+from rw_ekf.diagnosis.hypotheses.other_starts import (
+    by_likeliest_law,
+    in_deepest_valleys,
+    lower_valley,
+    with_laws_asked_again,
+)
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
@@ -184,6 +189,7 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
             ledger = ledger.with_rows([lower])
             continue
         fit = by_likeliest_law(row.fit, fit, name, search.facts)
+        fit = with_laws_asked_again(fit, row.effects, search.facts)
         fit = search.with_open_speed(likelier_along_filter(fit, row.fit, fit.model))
         refused = next((check.decision for check in of_size(search, fit, name) if check.decision is not None), None)
         if refused is not None:

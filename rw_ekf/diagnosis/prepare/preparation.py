@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -59,6 +59,14 @@ _Given = TypeVar("_Given")
 Advance = Callable[[str], object]  # is told what is done next
 
 
+class TemperatureLag(NamedTuple):
+    """By which the temperature that acts follows the log's."""
+
+    value_s: float
+    std_s: float = math.nan  # until it is told; 0 of a model's
+    ahead_K: float = 0.0  # by which the body is warmer than its thermometer where the record begins
+
+
 @dataclass(eq=False, frozen=True)
 class Prepared:
     """Everything that a search starts from."""
@@ -76,6 +84,7 @@ class Prepared:
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
     in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
+    temperature_lag: TemperatureLag | None = None  # where the course's temperature is not as it was read
     levels: Levels | None = None  # of the current, where it was taken at these and had a noise of its own
     _of_fit: dict[tuple[str, int], tuple[Fit, Any]] = field(default_factory=dict)  # what, of which fit (its id)
 
@@ -190,6 +199,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         notes=notes,
         in_rpm=in_rpm,
         levels=levels,
+        temperature_lag=TemperatureLag(setup.temperature_lag_s, 0.0) if setup.temperature_lag_s > 0.0 else None,
     )
 
 

@@ -56,8 +56,10 @@ class Source:
         return found if len(self.parts) == 1 else found | {"logs": list(self.parts)}
 
 
-def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
-    """Look at the rows of each log, mend what is lost, and join them. given: columns that a model asks for.
+def source_of(logs: Sequence[WheelLog], given: Sequence[str] = (), temperature_lag_s: float = 0.0) -> Source:
+    """Look at the rows of each log, mend what is lost, and join them.
+
+    given: columns that a model asks for; temperature_lag_s: by which its temperature follows the log's.
 
     Raises LogError for wild values, and for a log that is given twice.
     """
@@ -76,7 +78,7 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
     doubts = [s.period_s for s in seen if s.refresh_s is not None]
     log = whole.log
     columns = _columns(log, given)
-    course = Course.of_log(_with_running_time(log), columns)
+    course = Course.of_log(_with_running_time(log), columns, temperature_lag_s)
     return Source(
         log=log,
         course=course,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.checks.confirmation import worsened
 from rw_ekf.diagnosis.checks.heldout import (
     Performance,
     percent_better,
@@ -22,7 +23,7 @@ from rw_ekf.diagnosis.outcome import ModelTrace
 from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import Decision, Reason
-from rw_ekf.diagnosis.thresholds import GRID_GAINS, WORSE
+from rw_ekf.diagnosis.thresholds import GRID_GAINS, WORSE, WORST, WORST_NIS
 from rw_ekf.diagnosis.verdict.document import document_of
 from rw_ekf.diagnosis.verdict.explanations import weighed_explanations
 from rw_ekf.diagnosis.verdict.judged import Judged
@@ -99,15 +100,17 @@ def judgement(found: Found, advance: Advance) -> Judged:
 def _figures(found: Found) -> tuple[Performance, Performance, bool]:
     """How well the base model and what was found foretell the held-out part; and whether by turns.
 
-    So where what was found, which no held-out figure refuses, foretells worse by the numbers of half of the record.
+    So where what was found, which no held-out figure refuses, foretells worse by the numbers of half of the record: its
+    free run is further off, or, where that has hardly any torque noise left to hide what they are off by, any figure.
     """
     prepared, base, more = found.prepared, found.selection.base, found.figured
     before = performance(prepared, base)
     if not found.new_ids:
         return before, before, False
     after = performance(prepared, more)
-    poor = found.lattice is None and not more.simulated and (percent_better(before.figures, after.figures) or 0.0) < 0.0
-    if not poor:
+    poor = (percent_better(before.figures, after.figures) or 0.0) < 0.0
+    poor = poor or worsened(before.figures, after.figures, WORST, WORST_NIS) is not None
+    if found.lattice is not None or more.simulated or not poor:
         return before, after, False
     return performance_by_turns(prepared, base), performance_by_turns(prepared, more), True
 

@@ -153,6 +153,8 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
                 if trial.decision.reason is Reason.NOT_SIGNIFICANT and trial.p_value < SIGNIFICANT_P:
                     behind = found.new_ids
                     entry["decision"] = explained_by(*behind) if behind else Decision(Reason.TOO_SMALL)
+            if name in verdict.effects and "temperature_degC" in effect.needs:
+                entry["parameters"] |= _lag_entry(found.prepared)
             for group in verdict.indistinguishable:
                 if name in group[1:]:
                     entry["decision"] = Decision(Reason.ALIKE, group[0])
@@ -211,6 +213,12 @@ def described(fit: Fit, name: str) -> dict[str, Any]:
             parameters["reading"] = {"value": read[0].text, "std": None, "unit": None, "probability": chances}
         found |= {key if count == 1 else f"{key}_{count}": value for key, value in parameters.items()}
     return found
+
+
+def _lag_entry(prepared: Prepared) -> dict[str, Any]:
+    """How late the temperature acts, among the parameters of a law of it; nothing where it is as it was read."""
+    lag = prepared.temperature_lag
+    return {} if lag is None else {"temperature_lag_s": {"value": lag.value_s, "std": lag.std_s, "unit": "s"}}
 
 
 def _tried(trial: Trial) -> dict[str, Any]:

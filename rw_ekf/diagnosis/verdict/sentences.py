@@ -22,7 +22,7 @@ from rw_ekf.effects.learned_law import QUANTITY_WORDS
 from rw_ekf.likelihood.fitting import Fit, FittedTerm
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.effect_kinds import LawEffect, WanderingEffect
-from rw_ekf.numbers import chance_text, number_text
+from rw_ekf.numbers import chance_text, number_text, plus_minus
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 _TOLD = ("free_run_rms_rpm", "horizon_20s_rms_rpm", "one_step_rms_rpm")  # the first of these that there is
@@ -77,6 +77,14 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
     # A bristle's length and damping do the same where all of its motion is slow: that there is one is known, no more.
     unsettled = not effect.linear and len(terms) == 1 and not fit.knows(name, LEAST_SIGMAS)
     return f"{text} (it is missed without it; how large it is, this record does not settle)" if unsettled else text
+
+
+def lag_of(found: Found) -> str:
+    """How late the temperature acts, in a subclause behind its laws; nothing where it is as it was read."""
+    lag = found.prepared.temperature_lag
+    if lag is None:
+        return ""
+    return f"; the temperature that acts follows the log's with a lag of {plus_minus(lag.value_s, lag.std_s)} s"
 
 
 def _as_read(item: FittedTerm) -> str:

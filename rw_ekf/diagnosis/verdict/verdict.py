@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.verdict.explanations import NONE
 from rw_ekf.diagnosis.verdict.posterior import SOMETHING_ELSE
 from rw_ekf.diagnosis.verdict.sentences import (
     improvement,
+    lag_of,
     measured_by_little,
     noise_text,
     or_another_kind,
@@ -155,7 +156,8 @@ def _effect(shown: Evidence) -> Verdict:
     where = ""
     if any(CATALOGUE[name].local_in_time for name in names):
         where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
-    text = f"{'; '.join(sentences)}; add {', '.join(names)}{where}: {_gained(shown, names)}; {_what_is_left(shown)}."
+    text = f"{'; '.join(sentences)}{lag_of(found)}; add {', '.join(names)}{where}: "
+    text += f"{_gained(shown, names)}; {_what_is_left(shown)}."
     text += measured_by_little(found, by_turns=shown.by_turns)
     groups = _grouped(found.selection, names, shown.posterior)
     text += f" {separation(groups[0], shown.posterior, found.selection)}." if groups else _another_record(found, names)
