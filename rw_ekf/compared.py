@@ -104,9 +104,12 @@ def log_likelihood(model: WheelModel, log: WheelLog) -> float:
     Raises BadInputError for a log of which the filter uses nothing.
     """
     alone = without_repeats(log)[0]
-    course = with_conditions(Course.of_log(alone, model.effects.columns, model.temperature_lag_s))
+    course = Course.of_log(alone, model.effects.columns, model.temperature_lag_s)
     setup = setup_of_record(course, None, model)
-    run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects)
+    run = filter_log(
+        with_conditions(course), setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects,
+        setup.effect_drift,
+    )  # fmt: skip
     if not (run.outcome == decisions.UPDATED).any():
         raise BadInputError(f"{log.name}: the filter uses none of its readings: it can judge no model")
     return log_likelihood_of(run)

@@ -166,9 +166,10 @@ class _Pass:
     def __init__(self, setup: FilterSetup, start: Belief, *, wanders: bool) -> None:
         self._begun = setup, start, wanders
         constants = setup.constants if wanders else without_drift(setup.constants)
-        drift = setup.effect_drift if wanders else None
         self.setup = replace(setup, constants=constants)
-        self.filter = LogFilter(constants, start.mean, start.covariance, setup.effects, drift, mends=True)
+        self.filter = LogFilter(
+            constants, start.mean, start.covariance, setup.effects, self.setup.effect_drift, mends=True
+        )
         self.sums = PassSums.of(setup)
 
     def anew(self) -> _Pass:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rw_ekf.course.course import Course
@@ -13,7 +15,7 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
-from rw_ekf.model.state import COULOMB, STATIC
+from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
 from rw_ekf.starting_point import FilterSetup
 
 JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
@@ -40,7 +42,11 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
         if walk > 0.0:  # dry friction is followed from where it was at the beginning
             dry = slice(COULOMB, STATIC + 1)
             mean[dry], covariance[dry, dry] = setup.prior.mean[dry], setup.prior.covariance[dry, dry]
-        run = filter_log(head, without_drift(setup.constants)._replace(dry_walk=walk), mean, covariance, setup.effects)
+        steady = replace(setup, constants=without_drift(setup.constants)._replace(dry_walk=walk))
+        turning = STATE_SIZE + np.flatnonzero(steady.effect_drift)  # and so is a phase that is lost with the angle
+        mean[turning] = setup.prior.mean[turning]
+        covariance[np.ix_(turning, turning)] = setup.prior.covariance[np.ix_(turning, turning)]
+        run = filter_log(head, steady.constants, mean, covariance, setup.effects, steady.effect_drift)
         return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     near = fit_log(head, setup.constants, setup.prior.core, found, effort="least")
     judged = consistency_of_fit(near, setup.constants)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.conditions import is_logged
 from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import (
     DEFAULT_PRIOR,
@@ -20,7 +21,14 @@ from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.bounds import ASSUMED
 from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import LAW_NAMES
-from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
+from rw_ekf.model.state import (
+    CK13_STATISTICAL,
+    PARAMETER_COUNT,
+    PARAMETER_NAMES,
+    STATE_NAMES,
+    STATE_SIZE,
+    FrictionParameters,
+)
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.version import __version__
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
@@ -56,6 +64,7 @@ class FilterSetup:
     lowest_loss: FrictionParameters | None = None  # of the free run, where it was sought over the whole record
     effect_hypotheses: tuple[EffectSet, ...] = ()  # of equal weight: shapes that the record leaves open
     stribeck_hypotheses: tuple[StribeckHypothesis, ...] = ()  # where the record told them (`rw_ekf.hindsight`)
+    lost_angle_rate: float = 0.0  # [rad^2/s] variance that an angle integrated from speeds gains; 0 of a logged one
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -69,10 +78,16 @@ class FilterSetup:
 
     @property
     def effect_drift(self) -> Float64Array:
-        """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
-        rate = self.constants.relative_drift if self.constants.wanders else 0.0
-        sizes = [max(abs(v), s) for t in self.effects.state_terms for v, s in zip(t.values, t.stds, strict=True)]
-        return np.array([size**2 * rate for size in sizes])
+        """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander.
+
+        Sine and cosine of a ripple turn by as much as its phase is lost besides (docs/filter.md).
+        """
+        rate, found = self.constants.relative_drift if self.constants.wanders else 0.0, []
+        for term in self.effects.state_terms:
+            sizes = [max(abs(value), std) for value, std in zip(term.values, term.stds, strict=True)]
+            turned = 0.5 * self.lost_angle_rate * (term.shape[0] * max(sizes)) ** 2 if term.effect.angular else 0.0
+            found += [rate * size**2 + turned for size in sizes]
+        return np.array(found)
 
 
 def setup_of_configuration(
@@ -141,6 +156,15 @@ def setup_of_record(
 ) -> FilterSetup:
     """Start for a log: from the configuration if there is one, else from the model, else from the record itself."""
     period = course.period_s
+    if model is None:
+        return _setup_of_record(course, configuration, None)
+    logged = is_logged(course.angle_rad)
+    setup = _setup_of_record(course, configuration, with_open_phases(model, angle_is_logged=logged))
+    return setup if logged else replace(setup, lost_angle_rate=setup.constants.speed_variance * period)
+
+
+def _setup_of_record(course: Course, configuration: Configuration | None, model: WheelModel | None) -> FilterSetup:
+    period = course.period_s
     if configuration is not None:
         return setup_of_configuration(configuration, model, period)
     from rw_ekf.identify.record_scale import default_scale, measure
@@ -208,6 +232,25 @@ def belief_of_model(model: WheelModel) -> Belief:
     values = (*model.parameters, *model.effects.values)
     size, ids = model.effects.table().size, model.effects.coefficient_ids
     return Belief.of_known(values, np.array(model.covariance), size, effect_ids=ids)
+
+
+def with_open_phases(model: WheelModel, *, angle_is_logged: bool) -> WheelModel:
+    """The model in a record that begins at another time: its periodic torques are there, their phases are not known.
+
+    Sine and cosine start from zero, as uncertain as the amplitude is large. By the angle, where that is logged, a phase
+    is the wheel's own.
+    """
+    covariance, terms, end = np.array(model.covariance), [], PARAMETER_COUNT
+    for term in model.effects.terms:
+        if term.effect.in_state:
+            at, end = range(end, end + len(term.values)), end + len(term.values)
+            if term.effect.components > 1 and not (term.effect.angular and angle_is_logged):
+                size = max(term.size, *term.stds)
+                covariance[at, :] = covariance[:, at] = 0.0
+                covariance[at, at] = size**2
+                term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
+        terms.append(term)
+    return replace(model, covariance=tuple(tuple(row) for row in covariance.tolist()), effects=EffectSet(tuple(terms)))
 
 
 def without_effects(model: WheelModel) -> WheelModel:

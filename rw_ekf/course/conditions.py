@@ -11,9 +11,14 @@ from rw_ekf.model.effect import REFERENCE_DEGC
 _LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
 
 
+def is_logged(values: Float64Array) -> bool:
+    """Whether a channel (n,) was logged at all."""
+    return bool(np.isfinite(values).mean() >= _LEAST_LOGGED)
+
+
 def filled(values: Float64Array, otherwise: float) -> tuple[Float64Array, bool]:
     """A channel with its gaps filled by the value before, and whether it was logged at all."""
-    if np.isfinite(values).mean() < _LEAST_LOGGED:
+    if not is_logged(values):
         return np.full(values.size, otherwise), False
     return held_over(values), True
 

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
-from rw_ekf.starting_point import FilterSetup, left_open
+from rw_ekf.starting_point import FilterSetup, left_open, with_open_phases
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 
@@ -34,6 +34,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     periodic torque goes on, but its phase is not known any more: sine and cosine start from zero, as uncertain as the
     amplitude is large.
     """
+    model = with_open_phases(model, angle_is_logged=False)
     kept: list[Term] = []
     gone: list[Term] = []
     notes: list[str] = []
@@ -50,11 +51,6 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
             gone.append(term)
             continue
         places += at
-        if term.effect.components > 1:
-            size = max(term.size, *term.stds)
-            covariance[at, :] = covariance[:, at] = 0.0
-            covariance[at, at] = size**2
-            term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
         kept.append(term)
     kept += [term for term in model.effects.terms if not term.effect.in_state]
     rows = covariance[np.ix_(places, places)] + left_open(gone, model.parameters, len(places))

@@ -194,7 +194,7 @@ class Fit:
         """
         model, prior = self.model, self.prior
         given = () if prior is None else prior.effect_ids
-        for name in model.effects.ids:
+        for name in dict.fromkeys(term.id for term in model.terms):
             local = model.of(name)[0].effect.local_in_time
             if local:
                 model = model.settled(name).with_found_laws(name)

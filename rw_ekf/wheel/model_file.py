@@ -60,7 +60,7 @@ class WheelModel:
     def numbers(self) -> dict[str, tuple[float, float, str]]:
         """Value, standard deviation and unit of each parameter and coefficient, by name, in the covariance's order."""
         named = [(name, value, STATE_UNITS[name]) for name, value in zip(PARAMETER_NAMES, self.parameters, strict=True)]
-        for term in self.effects.terms:
+        for term in self.effects.state_terms:
             coefficient = term.effect.coefficient
             for number, value in enumerate(term.values):
                 which = f" {number + 1}" if len(term.values) > 1 else ""
@@ -69,7 +69,7 @@ class WheelModel:
 
     def without(self, laws: Collection[Law]) -> WheelModel:
         """The same without the terms of these laws."""
-        dropped = [term.law in laws for term in self.effects.terms for _ in term.values]
+        dropped = [term.law in laws for term in self.effects.state_terms for _ in term.values]
         kept = [*range(PARAMETER_COUNT), *(PARAMETER_COUNT + at for at, gone in enumerate(dropped) if not gone)]
         terms = tuple(term for term in self.effects.terms if term.law not in laws)
         covariance = tuple(tuple(self.covariance[i][j] for j in kept) for i in kept)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rw_ekf
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import ConfigError
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.starting_point import setup_of_model
 from rw_ekf.wheel.model_file import WheelModel
 

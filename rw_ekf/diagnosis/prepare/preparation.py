@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, with_conditions
+from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, is_logged, with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, said_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
@@ -36,7 +36,7 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.second_record import with_times_of_record
-from rw_ekf.starting_point import FilterSetup, setup_of_record
+from rw_ekf.starting_point import FilterSetup, setup_of_record, with_open_phases
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.effect_table import EffectSet
 
@@ -120,6 +120,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     Raises BadInputError for a model with which the filter runs away.
     """
     log, log_of = source.log, source.log_of
+    model = None if model is None else with_open_phases(model, angle_is_logged=is_logged(source.course.angle_rad))
     course, setup, noise, notes = _set_up(source, configuration, model)
     in_rpm = setup.inertia_kg_m2 is not None or log.in_rpm
     split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise, log_of)
@@ -147,6 +148,9 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         head = least_squares(course.window(0, _LEAST_SQUARES_SAMPLES), setup.constants, setup.prior.core, starts=nearly)
         parameters, free_run = head.parameters, head.simulated_rad_s
     start = model_of_setup(setup, parameters)
+    turning = [term for term in start.terms if term.effect.angular and not turned]
+    for term in turning:
+        start = start.without(term.id)
     everything = np.ones(course.samples, dtype=bool)
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     paths = [read_trajectory(course, noise), by_filter]
@@ -171,6 +175,9 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
         record = replace(record, course=course, angle_is_integrated=True)
         base = replace(base, linearised=replace(base.linearised, record=record))
+    if turning:  # from likely angles, once there is one to integrate
+        sizes = [(max(term.size, *term.stds), term) for term in turning]
+        base = base.refitted(base.model.with_terms(*(replace(term, values=(size, 0.0)) for size, term in sizes)))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = facts_of(course, base, channels, source.timing_doubt_s, starts)
