@@ -90,8 +90,12 @@ _ALL = (
     ),
     PlantEffect(
         "coulomb_temperature",
-        "c(T) = c (1 + slope (T - 20 degC)); the break-away friction moves by as much, so that s - c stays.",
-        {"slope_1_K": Number("coulomb_temperature_1_K", -0.01)},
+        "c(T) = c (1 + slope (T - 20 degC)), or c exp(slope (T - 20 degC)); the break-away friction moves by as much, "
+        "so that s - c stays.",
+        {
+            "slope_1_K": Number("coulomb_temperature_1_K", -0.01),
+            "law": Number("coulomb_temperature_law", "linear", TEMPERATURE_LAWS),
+        },
     ),
     PlantEffect(
         "motor_gain_temperature",

@@ -32,6 +32,7 @@ class PlantParameters(NamedTuple):
     viscous_temperature_1_K: float = 0.0
     viscous_temperature_law: float = 0.0  # a value of TEMPERATURE_LAWS
     coulomb_temperature_1_K: float = 0.0
+    coulomb_temperature_law: float = 0.0
     motor_gain_temperature_1_K: float = 0.0
     # motor
     motor_saturation_1_A: float = 0.0

@@ -95,7 +95,9 @@ def coulomb_shift(p: PlantParameters, state: PlantState) -> float:
     settled = p.drift_rad_s3 * state.time_s
     if p.drift_time_s > 0.0:
         settled = p.drift_rad_s3 * p.drift_time_s * (1.0 - math.exp(-state.time_s / p.drift_time_s))
-    return p.coulomb * p.coulomb_temperature_1_K * warmer + settled + state.coulomb_wander_rad_s2
+    warmed = p.coulomb_temperature_1_K * warmer
+    share = warmed if p.coulomb_temperature_law == 0.0 else math.exp(min(warmed, 700.0)) - 1.0
+    return p.coulomb * share + settled + state.coulomb_wander_rad_s2
 
 
 def dry_friction(p: PlantParameters, speed_rad_s: float, shift_rad_s2: float) -> float:

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import (
-    STEADY_SHARE,
-    dry_scale,
-    lacks_temperature,
-    slope_percent,
-    temperature_range,
-)
-from rw_ekf.model.effect import REFERENCE_DEGC, Coefficient, RecordFacts, Shape
-from rw_ekf.model.effect_kinds import Contribution, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, temperature_range
+from rw_ekf.effects.temperature_law import FrictionOfTemperature, relative_change, slope_of_change, told_of
+from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution
 from rw_ekf.model.moment import Moment
 
 
-class CoulombTemperature(StaticEffect):
-    """c(T) = c [1 + a (T - 20 degC)], s raised by as much, so that s - c stays."""
+class CoulombTemperature(FrictionOfTemperature):
+    """c(T) = c [1 + a (T - 20 degC)], or c exp(a (T - 20 degC)), s moved by as much, so that s - c stays."""
 
     id = "coulomb_temperature"
-    equation = "f = a (T - 20 degC) c sgn(omega)"
+    equation = "f = a (T - 20 degC) c sgn(omega), or [exp(a (T - 20 degC)) - 1] c sgn(omega)"
     source = "preload of the bearing that follows the expansion of shaft and housing; the boundary film"
-    coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of Coulomb friction per kelvin")
-    needs = ("temperature_degC",)
-    lacking = (lacks_temperature,)
+    coefficient = Coefficient(
+        "slope_1_K", "1/K", -1.0, 1.0, "relative change of Coulomb friction per kelvin, at 20 degC"
+    )
     excitation = "reversals, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
-    shown_against = "temperature"
     acts_as = "drag"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_drift": "a temperature that is cycled up and down within the record",
@@ -48,10 +42,15 @@ class CoulombTemperature(StaticEffect):
 
     @staticmethod
     def contribution(a: float, q: Shape, at: Moment) -> Contribution:
-        """Dry friction by the factor a (T - 20 degC) of Coulomb friction."""
-        return 0.0, 0.0, 0.0, 0.0, a * (at.temperature - REFERENCE_DEGC), 0.0
+        """Dry friction by the factor a (T - 20 degC), or exp of that less 1, of Coulomb friction."""
+        return 0.0, 0.0, 0.0, 0.0, relative_change(a, q[0], at.temperature), 0.0
+
+    @staticmethod
+    def slope(a: float, q: Shape, at: Moment) -> Contribution:
+        """T - 20 degC, times the exponential."""
+        return 0.0, 0.0, 0.0, 0.0, slope_of_change(a, q[0], at.temperature), 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """In percent per kelvin."""
-        return slope_percent("Coulomb friction", value, std, "per K")
+        return told_of("Coulomb friction", value, std, shape)

@@ -105,8 +105,10 @@ def deferred(fit: Fit, strong: list[Score], facts: RecordFacts, enough: float) -
     for other in others:
         left = [effect for effect in timed if effect.id not in found]
         if left and other in laws and one_and_the_same(fit, "time", other):
-            found |= dict.fromkeys((effect.id for effect in left), other)  # what one law leaves is another law's
-        elif left and other in laws and may_confound(fit, "time", other):
+            smooth = [effect for effect in left if not effect.clocked]  # what one law leaves is another law's
+            found |= dict.fromkeys((effect.id for effect in smooth), other)
+            left = [effect for effect in left if effect.clocked]  # a sine of many periods is no law
+        if left and other in laws and may_confound(fit, "time", other):
             found |= {effect.id: other for effect in left if not says_more(fit, facts, effect, other, enough)}
     return found
 

@@ -25,13 +25,15 @@ from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.units import RAD_S_PER_RPM
 
 _TURNS = 3
+_OTHER_NOISE = 1.5  # times: less moves what rounding did to a reading by less than the reading's noise
 
 
 def investigated(prepared: Prepared, advance: Advance) -> Found:
     """What is found where the readings' grid is coarser than their noise and known to be; else as ever.
 
-    Most grids show beside the base model, one at times only beside what the wheel has. Figures stay those of the
-    readings as they were read.
+    Most grids show beside the base model, one at times only beside what the wheel has. Beside a base model that lacks
+    much the readings' own noise is lost in its torque noise: once more where it is much larger beside what was found,
+    or so large that the grid does no harm. Figures stay those of the readings as they were read.
     """
     lattice = lattice_of(prepared, prepared.base)
     if lattice is None:
@@ -44,6 +46,13 @@ def investigated(prepared: Prepared, advance: Advance) -> Found:
     else:
         advance("taking off what rounding did to the readings")
         found = investigate(without_rounding(prepared, prepared.base.trajectory, lattice), advance)
+        again = lattice_of(prepared, found.fit) if found.new_ids else lattice
+        if again is None:
+            return investigate(prepared, advance)
+        if again.noise_rad_s > _OTHER_NOISE * lattice.noise_rad_s:
+            advance("once more with the noise that readings have before they are rounded")
+            lattice = again
+            found = investigate(without_rounding(prepared, found.fit.trajectory, lattice), advance)
     return replace(found, prepared=prepared, lattice=lattice, corrected=found.prepared)
 
 

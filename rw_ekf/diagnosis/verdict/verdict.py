@@ -231,8 +231,9 @@ def _effects_in(posterior: dict[str, float]) -> list[str]:
 
 
 def _goes_with_time(name: str) -> bool:
-    """Whether an effect varies smoothly with the record's clock; the onset of an event is no law of speed."""
-    return quantity_of(CATALOGUE[name]) == "time" and not CATALOGUE[name].local_in_time
+    """Whether an effect varies smoothly with the record's clock: no event's onset, and no sine, is a law of speed."""
+    effect = CATALOGUE[name]
+    return quantity_of(effect) == "time" and not (effect.local_in_time or effect.clocked)
 
 
 def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:
