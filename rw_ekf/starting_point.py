@@ -335,7 +335,7 @@ def left_open(gone: Iterable[Term], parameters: FrictionParameters, size: int) -
     """
     more = np.zeros((size, size))
     for term in gone:
-        if not term.effect.local_in_time:
+        if not (term.effect.local_in_time or term.is_over):
             of = term.effect.acts_as if term.law is None else term.law.acts_as
             places = [PARAMETER_NAMES.index(name) for name in _MOVED_BY.get(of, ())]
             more[np.ix_(places, places)] += (_OPEN * parameters[places[0]]) ** 2 if places else 0.0

@@ -81,7 +81,8 @@ def _diagnosed(
     prepared = prepare(source, configuration, model, split)
     if model is not None and (left := laws_left_behind(prepared, model.effects)):
         source = replace(source, notes=(*source.notes, *left.values()))
-        prepared = prepare(source, configuration, model.without(left), split)
+        # Laws were found beside each other: what one was off by may be in another.
+        prepared = prepare(source, configuration, model.without(model.effects.laws), split)
     prepared = with_likely_lag(richer_part(prepared), advance)
     prepared.record.work.start_clock()
     found = with_known_lag(thoroughly_investigated(prepared, advance))

@@ -43,7 +43,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     end = PARAMETER_COUNT
     for term in model.effects.state_terms:
         at, end = range(end, end + len(term.values)), end + len(term.values)
-        if term.law is not None and term.law.quantity == "time":
+        if term.law is not None and term.law.quantity == "time" and not term.is_over:
             term = replace(term, law=term.law.held(-1))  # noqa: PLW2901
             notes.append(f"{term.id} over time: this run begins with it as it was at the end of its record")
         elif term.of_its_record:

@@ -269,7 +269,12 @@ class Term:
         """Whether it belongs to the clock of the record it was found in; a change may have come before another."""
         if self.law is None:
             return self.effect.of_one_record
-        return self.law.quantity == "time" and not self.effect.of_one_record
+        return self.law.quantity == "time" and (self.is_over or not self.effect.of_one_record)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has come and gone within the record it was found in: before and behind it there is nothing."""
+        return self.law is not None and self.effect.of_one_record and all(f[-1] == 0.0 for f in self.law.functions)
 
     @property
     def refined(self) -> tuple[int, ...]:

@@ -112,6 +112,11 @@ class EffectSet:
         return tuple(name for name in self.ids if name not in other.ids)
 
     @property
+    def laws(self) -> list[Law]:
+        """Those without a formula that its terms follow."""
+        return [term.law for term in self.terms if term.law is not None]
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the log that learned laws are functions of, by their slots."""
         named = {term.law.slot: term.law.column for term in self.terms if term.law is not None and term.law.column}

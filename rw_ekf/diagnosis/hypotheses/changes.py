@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import Law
 
 _PLACES = 60  # in time, at which a change is sought
+_STEP = (0.0, 1.0)
 _ABRUPT_S = 0.01
 _RAMPS_S = (_ABRUPT_S, 10.0, 40.0)  # over which it comes
 _SEEN = 1.0e-6  # of a step's square: less is what the model itself follows
@@ -48,7 +50,7 @@ def likeliest_change(profiled: Profiled, ground: Ground, facts: RecordFacts) -> 
         profiled, [(squares[i, j : j + 1, None], products[i, j : j + 1]) for i in range(len(profiled.ratios))]
     )
     factor += float(np.logaddexp.reduce(gains - gains[j])) - math.log(len(tried))
-    law = ground.law(at - 0.5 * ramp, at + 0.5 * ramp, np.array([[0.0, 1.0]]), np.array([deviation]))
+    law = ground.law(at - 0.5 * ramp, at + 0.5 * ramp, np.array([_STEP]), np.array([deviation]))
     return Nameless(ground, factor, Term(CHANGE, (0.0,), (0.0,), law=law))
 
 
@@ -65,7 +67,7 @@ def likeliest_spell(profiled: Profiled, ground: Ground, facts: RecordFacts) -> N
     near = float(grid[1] - grid[0]) * np.linspace(-1.0, 1.0, _NEARER)
     j = int(np.argmax(rough))
     begins, ends = (part.ravel() for part in np.meshgrid(grid[first[j]] + near, grid[last[j]] + near))
-    there = (ends - begins > _LEAST_SPELL_S) & (begins > facts.first_s) & (ends < facts.last_s)
+    there = _is_seen(begins, ends, facts.first_s, facts.last_s) & (ends - begins > _LEAST_SPELL_S)
     begins, ends = begins[there], ends[there]
     if not begins.size:  # of a record of seconds
         return None
@@ -113,16 +115,20 @@ def _sums(
         yield whole, squares, products
 
 
-def settled_change(less: Fit, fit: Fit, found: Term) -> Fit:
+def settled_change(less: Fit, fit: Fit, found: Term) -> tuple[Fit, Term]:
     """A fit with a change that was found on a grid of times, at its likeliest time, which is known by the likelihood.
 
     less: without it. At once, unless it is clearly likelier that it takes its time; of a spell begin and end in turn.
+    With what it is: a spell that the record shows no end of, or no begin, is a change.
     """
     law = _law_of(fit, found)
     if found.effect is SPELL:
         begun, begins_std = _at_likeliest_time(less, fit, found, law, _BEGIN)
         ended, ends_std = _at_likeliest_time(less, begun, found, _law_of(begun, found), _END)
-        return _with_spread(ended, found, begins_std, ends_std)
+        lasting = max(_lasting(ended, found), key=lambda item: item[0].likelihood.value)
+        if lasting[0].likelihood.value > ended.likelihood.value - INDISTINGUISHABLE:
+            return settled_change(less, *lasting)
+        return _settled(ended, found, begins_std, ends_std)
     slowly, std = _at_likeliest_time(less, fit, found, law)
     if law.last - law.first > _ABRUPT_S:
         middle = 0.5 * (law.first + law.last)
@@ -131,7 +137,18 @@ def settled_change(less: Fit, fit: Fit, found: Term) -> Fit:
         abrupt, its_std = _at_likeliest_time(less, begun, found, at_once)
         if abrupt.likelihood.value > slowly.likelihood.value - INDISTINGUISHABLE:
             slowly, std = abrupt, its_std
-    return _with_spread(slowly, found, std)
+    return _settled(slowly, found, std)
+
+
+def _lasting(spell: Fit, found: Term) -> list[tuple[Fit, Term]]:
+    """Fits with what a spell is if it never ends, and if it was there from before the record: a change at one time."""
+    placed, law, changes = spell.model.of(found.id)[-1], _law_of(spell, found), []
+    half_s = 0.5 * (law.last - law.first) / (len(VALUES) - 1)  # it comes and goes from one knot to the next
+    for at in (law.first + half_s, law.last - half_s):
+        step = replace(law, first=at - 0.5 * _ABRUPT_S, last=at + 0.5 * _ABRUPT_S, functions=(_STEP,))
+        term = Term(CHANGE, found.values, found.stds, law=step)
+        changes.append((spell.refitted(spell.model.changed(placed, term)), term))
+    return changes
 
 
 def _law_of(fit: Fit, found: Term) -> Law:
@@ -140,10 +157,10 @@ def _law_of(fit: Fit, found: Term) -> Law:
     return law
 
 
-def _with_spread(fit: Fit, found: Term, *stds: float) -> Fit:
-    """A fit with the standard deviations of its change's times [s]."""
+def _settled(fit: Fit, found: Term, *stds: float) -> tuple[Fit, Term]:
+    """A fit with the standard deviations of its change's times [s], and the change at these times."""
     placed, law = fit.model.of(found.id)[-1], replace(_law_of(fit, found), spread=stds)
-    return replace(fit, model=fit.model.changed(placed, replace(placed, law=law)))
+    return replace(fit, model=fit.model.changed(placed, replace(placed, law=law))), replace(found, law=law)
 
 
 _BEGIN, _END = (1.0, 0.0), (0.0, 1.0)  # by how much the first and the last knot go with a time that is moved
@@ -163,7 +180,7 @@ def _at_likeliest_time(
         best = max(fits, key=lambda by: fits[by].likelihood.value)
         for by in (best - reach, best + reach):
             first, last = law.first + by * goes[0], law.last + by * goes[1]
-            inside = term.effect is not SPELL or begin_s < first < last < end_s  # else it has one edge, and is a change
+            inside = term.effect is not SPELL or _is_seen(first, last, begin_s, end_s)
             if by not in fits and last - first > 0.5 * _ABRUPT_S and inside:
                 moved = replace(law, first=first, last=last)
                 fits[by] = less.refitted(less.model.with_terms(replace(term, law=moved)))
@@ -176,6 +193,12 @@ def _at_likeliest_time(
     weights = np.exp(logs - logs.max()) * np.gradient(times)
     variance = float(np.sum(weights * (times - best) ** 2) / np.sum(weights))
     return fits[best], max(math.sqrt(variance), tolerance_s)
+
+
+def _is_seen(begins: Any, ends: Any, first_s: float, last_s: float) -> Any:
+    """Whether a record has something before and after a spell: else it has one edge, and is a change."""
+    least_s = min(_LEAST_SPELL_S, (last_s - first_s) / _PLACES)
+    return (begins > first_s + least_s) & (ends < last_s - least_s) & (ends > begins)
 
 
 def _step(time_s: Float64Array, at: float, ramp_s: float) -> Float64Array:

@@ -69,7 +69,7 @@ def grown(
         ledger, selection = _grown_from(search, row, ledger, selection)
         if turn == 0 and len(ledger.rows) > 1 and not row.effects:
             ledger, selection = _with_laws(search, row, ledger, selection, laws, most=1, ahead_of=ledger.rows[0])
-    ledger, selection = _named_in_place_of_laws(search, ledger, selection, done)
+    ledger, selection = _in_place_of_laws(search, ledger, selection, laws, done)
     for _ in range(_MOST_EXCHANGES):
         top = ledger.rows[0]
         if not top.effects:
@@ -95,16 +95,16 @@ def grown_with_laws(search: Search, ledger: Ledger, selection: Selection, laws: 
             ledger, selection = _with_laws(search, row, ledger, selection, laws)
         if count:
             ledger, selection = _grown_from(search, row, ledger, selection)
-    return _named_in_place_of_laws(search, ledger, selection, done)
+    return _in_place_of_laws(search, ledger, selection, laws, done)
 
 
-def _named_in_place_of_laws(
-    search: Search, ledger: Ledger, selection: Selection, done: set[Key]
+def _in_place_of_laws(
+    search: Search, ledger: Ledger, selection: Selection, laws: Laws, done: set[Key]
 ) -> tuple[Ledger, Selection]:
-    """With named effects in the place of the likeliest row's laws without a formula, beside all else of that row.
+    """With named effects, and other laws, in the place of the likeliest row's laws without a formula, beside the rest.
 
     Alone a law follows a part of what else is there as well, so that it goes ahead of the constant torque, say, that it
-    stands for, and whatever is found next is found beside it.
+    stands for, and whatever is found next is found beside it: a curve over time ahead of what begins at one moment.
     """
     top = ledger.rows[0]
     if LEARNED.id not in top.effects or len(top.effects) == 1:
@@ -112,7 +112,8 @@ def _named_in_place_of_laws(
     row = ledger.row(search.without(top.fit, LEARNED.id))
     if row.key in done:
         return ledger, selection
-    return _grown_from(search, row, ledger.with_rows([row.fit]), selection)
+    ledger, selection = _grown_from(search, row, ledger.with_rows([row.fit]), selection)
+    return _with_laws(search, row, ledger, selection, laws)
 
 
 def _with_laws(
@@ -127,17 +128,18 @@ def _with_laws(
     for law in [law for law in laws(row.fit) if ahead_of is None or not law.passes][:most]:
         if law.weight <= least:
             break
-        fit, model = row.fit.refitted(row.fit.model.with_terms(law.term)), row.fit.model
-        earlier = [term for term in model.terms if term.law is not None and term.law.prior_std]
-        if law.term.effect.of_one_record:
-            fit, earlier = settled_change(row.fit, fit, law.term), []
-        rows = [row.fit.refitted(model.changed(term, law.term)) for term in earlier]
-        if fit.knows(law.term.id, LEAST_SIGMAS):
+        term, model = law.term, row.fit.model
+        fit = row.fit.refitted(model.with_terms(term))
+        earlier = [other for other in model.terms if other.law is not None and other.law.prior_std]
+        if term.effect.of_one_record:
+            fit, term = settled_change(row.fit, fit, term)
+        rows = [row.fit.refitted(model.changed(other, term)) for other in earlier]
+        if fit.knows(term.id, LEAST_SIGMAS):
             named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
             rows += [fit, *(search.without(fit, name) for name in named)]
         if not rows:
             continue
-        trial, known = Trial.of_law(law.term, row.fit, fit), selection.trials.get(law.term.id)
+        trial, known = Trial.of_law(term, row.fit, fit), selection.trials.get(term.id)
         if known is None or known.statistic < trial.statistic:
             selection = selection.tried(trial)
         ledger = ledger.with_rows(rows)
