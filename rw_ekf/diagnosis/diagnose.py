@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.checks.confirmation import better_known
 from rw_ekf.diagnosis.checks.heldout import FIGURES, performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
-from rw_ekf.diagnosis.hypotheses.left_behind import laws_left_behind
+from rw_ekf.diagnosis.hypotheses.left_behind import LeftBehind, laws_left_behind
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
@@ -79,13 +79,14 @@ def _diagnosed(
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")
     prepared = prepare(source, configuration, model, split)
-    if model is not None and (left := laws_left_behind(prepared, model.effects)):
-        source = replace(source, notes=(*source.notes, *left.values()))
+    left = LeftBehind() if model is None else laws_left_behind(prepared, model.effects)
+    found = None if left.at_once else _investigated(prepared, advance)
+    if model is not None and left.words and (found is None or found.new_ids or found.is_unexplained):
+        source = replace(source, notes=(*source.notes, *left.words))
         # Laws were found beside each other: what one was off by may be in another.
-        prepared = prepare(source, configuration, model.without(model.effects.laws), split)
-    prepared = with_likely_lag(richer_part(prepared), advance)
-    prepared.record.work.start_clock()
-    found = with_known_lag(thoroughly_investigated(prepared, advance))
+        aside = model.without(model.effects.laws)
+        found = _investigated(prepare(source, configuration, aside, split), advance)
+    assert found is not None
     found = _with_said_first(found, said_of_late_rows(found))
     advance("judging on the held-out part")
     told = conclude(found, advance)
@@ -94,6 +95,12 @@ def _diagnosed(
     from rw_ekf.diagnosis.whole_log import held_against_all  # few logs are so long, and a replay is much to import
 
     return held_against_all(told, found, logs[0].whole, advance)
+
+
+def _investigated(prepared: Prepared, advance: Advance) -> Found:
+    prepared = with_likely_lag(richer_part(prepared), advance)
+    prepared.record.work.start_clock()
+    return with_known_lag(thoroughly_investigated(prepared, advance))
 
 
 def _with_said_first(found: Found, sentence: str) -> Found:
