@@ -22,7 +22,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.second_look import log_likelihood, was_reset
 from rw_ekf.filter.tails import chi_square_tail
-from rw_ekf.hindsight import filtered
+from rw_ekf.hindsight import CLEARLY, filtered
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
 from rw_ekf.numbers import plus_minus
@@ -36,6 +36,7 @@ _MOVED = 3.0  # sigmas by which a constant is another than the model's, to be to
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
 _DISAGREE_P = 1.0e-5
 _FREE = 100.0  # times the model's variances, to ask the log itself
+_NOISIER = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # times the model's torque noise
 _AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
 _SHORT = 1.0e-3  # of a reach: a step that is no step
 
@@ -47,7 +48,7 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
     (`rw_ekf.learning.carry`).
     """
     setup = with_laws_of_record(course, with_times_of_record(course, setup))
-    return with_prior_that_holds(course, with_shapes_of_record(course, setup))
+    return with_prior_that_holds(course, with_noise_that_holds(course, with_shapes_of_record(course, setup)))
 
 
 def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
@@ -209,6 +210,33 @@ def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
         effect_hypotheses=tuple(point for point in points if point is not None),
         notes=(*setup.notes, *notes),
     )
+
+
+def with_noise_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup with a torque noise that this log can be followed with, where the model's own loses the wheel.
+
+    A drag that begins in this log, or has gone by now, is a torque that the model does not have. A filter that knows of
+    none refuses the readings instead, is reset, and is lost again.
+    """
+    known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
+    steady = _widened(replace(setup, constants=without_drift(setup.constants)), known, _FREE)
+    first = filtered(course, steady)
+    if not was_reset(first):
+        return setup
+    own, gate = setup.constants.acceleration_noise, setup.constants.gate
+    values = {1.0: log_likelihood(first, gate)}
+    for times in _NOISIER:
+        louder = replace(steady, constants=steady.constants.with_acceleration_noise(times * own))
+        values[times] = log_likelihood(filtered(course, louder), gate)
+    best = max(values, key=lambda times: values[times])
+    if values[best] - values[1.0] < CLEARLY:
+        return setup
+    note = (
+        "the wheel does in this log what the model given does not know: with the model's torque noise the filter loses "
+        f"it, with {best:g} times as much it does not; `rw-ekf diagnose LOG --model F` asks what it is"
+    )
+    constants = setup.constants.with_acceleration_noise(best * own)
+    return replace(setup, constants=constants, notes=(*setup.notes, note))
 
 
 def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:

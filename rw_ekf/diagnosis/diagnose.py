@@ -12,6 +12,7 @@ from rw_ekf.diagnosis.checks.heldout import FIGURES, performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
 from rw_ekf.diagnosis.hypotheses.left_behind import LeftBehind, laws_left_behind
+from rw_ekf.diagnosis.hypotheses.temperature_lag import with_likely_lag
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
 from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
@@ -19,7 +20,6 @@ from rw_ekf.diagnosis.investigate.widths import with_known_lag
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
-from rw_ekf.diagnosis.prepare.temperature_lag import with_likely_lag
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA

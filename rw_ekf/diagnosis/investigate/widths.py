@@ -15,8 +15,8 @@ import numpy as np
 
 from rw_ekf.diagnosis.hypotheses.held_numbers import may_be_held, with_coefficient, with_constant
 from rw_ekf.diagnosis.hypotheses.onset import ONSET, held, moved
+from rw_ekf.diagnosis.hypotheses.temperature_lag import width_of
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.prepare.temperature_lag import width_of
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import STRIBECK
 from rw_ekf.likelihood.fitting import Fit

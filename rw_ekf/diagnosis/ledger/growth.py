@@ -113,7 +113,8 @@ def _in_place_of_laws(
     if row.key in done:
         return ledger, selection
     ledger, selection = _grown_from(search, row, ledger.with_rows([row.fit]), selection)
-    return _with_laws(search, row, ledger, selection, laws)
+    timed = any(term.law is not None and term.law.quantity == "time" for term in top.fit.model.of(LEARNED.id))
+    return _with_laws(search, row, ledger, selection, laws) if timed else (ledger, selection)
 
 
 def _with_laws(

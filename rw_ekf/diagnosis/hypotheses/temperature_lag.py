@@ -19,6 +19,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.conditions import filled
+from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, TemperatureLag
 from rw_ekf.diagnosis.prepare.slower import slower
 from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
@@ -54,7 +55,9 @@ def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
     without = max(fitted.begun.likelihood.value, part.base.likelihood.value)
     if not 0 < best < lags.size - 1 or values[best] - without < -math.log(UNDOUBTED_P):
         return prepared
-    return at_lag(prepared, _likeliest(fitted, float(lags[best])))
+    late = at_lag(prepared, _likeliest(fitted, float(lags[best])))
+    # Behind a lag as long as the record any temperature is a slow function of time, and a drift is likelier than a lag.
+    return prepared if one_and_the_same(late.base, "time", "temperature") else late
 
 
 def _likeliest(fitted: _Lagged, near_s: float) -> TemperatureLag:
