@@ -1,6 +1,8 @@
-"""What was answered on the command line: `--set current=3`, `--set current.unit=mA`."""
+"""What was answered on the command line: `--set current=3`, `--set current.unit=mA`, `--set rate_hz=100`."""
 
 from __future__ import annotations
+
+import math
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_records import Guess
@@ -24,7 +26,11 @@ class Answers:
         self.columns: dict[str, int | None] = {}
         self.more: dict[str, dict[str, object]] = {}
         self.only: tuple[str | int, str] | None = None  # a column, and which of its values
+        self.rate: tuple[float, str] | None = None  # of the rows [Hz], where there is no column of time
         for key, value in given.items():
+            if key == "rate_hz":
+                self.rate = _rate(value), f"--set rate_hz={value}"
+                continue
             name, _, part = key.partition(".")
             name = _SHORT.get(name, name)
             if key == "only":
@@ -75,6 +81,13 @@ class Answers:
             if not taken and column is not None and name != "speed_rpm":
                 key = self._table.names[column] or column
                 guess.take(name, self.with_more(name, {"column": key}), "as it was set")
+
+
+def _rate(text: str) -> float:
+    rate = _value(text)
+    if not (isinstance(rate, float) and 0.0 < rate < math.inf):
+        raise LogError(f"--set rate_hz={text}: how many rows are a second? A number above zero.")
+    return rate
 
 
 def _value(text: str) -> object:

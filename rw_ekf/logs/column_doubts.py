@@ -261,10 +261,18 @@ def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -
             continue
         named = bool(words) and words <= _IDS
         found = table.distinct(column.number, _MOST_WHEELS) if named or often else []
-        if len(found) > 1 and (named or _alternates(table, column, twice)):
+        if len(found) > 1 and not any(map(_is_measured, found)) and (named or _alternates(table, column, twice)):
             shown = ", ".join(found[:8])
             text = f"{column.shown} tells {len(found)} of them apart ({shown}), and a log is of one"
             guess.ask("only", f"{text}: --set only={column.name}:{found[0]}.")
+
+
+def _is_measured(text: str) -> bool:
+    """Whether a cell is a number with decimals, which tells no wheel from another."""
+    try:
+        return not float(text).is_integer()
+    except ValueError:
+        return False
 
 
 def _alternates(table: RawTable, column: Column, twice: BoolArray) -> bool:

@@ -28,8 +28,12 @@ _DRIVES: tuple[tuple[Role, str], ...] = (
     ("voltage", "a voltage stands where a current would: motor_gain is then per volt, and viscous has the back-EMF"),
     ("share", "a share of the full drive stands where a current would: motor_gain is then at full drive"),
 )  # fmt: skip
+_UNKNOWN = ("other", "neither")
 _MAY_DRIVE = ("current", "current_set", "torque", "force", "voltage", "share")
-_DRIVEN = ("drive", "ctrl", "control", "cmd", "command", "output", "out", "input", "u", "actuation", "power", "set")
+_DRIVEN = (
+    "drive", "ctrl", "control", "cmd", "command", "output", "out", "input", "u", "actuation", "power", "set", "effort",
+    "leistung", "throttle", "duty", "pwm",
+)  # fmt: skip
 _MEASURED_WITH = (
     "shunt", "mon", "monitor", "sensor", "acs", "adc", "accelerometer", "strain", "thermistor", "axial", "preload",
     "normal", "weight", "soc", "humidity", "load", "thrust", "lift",
@@ -39,6 +43,8 @@ _KIND_OF_AMPERE = re.compile(r"rms|eff|pk|peak", re.IGNORECASE)
 _HARDLY = 0.05  # of itself: a supply's voltage moves by so much under load
 _STEADY = 0.1  # of itself: so little scatters the voltage of a supply, and not that of a motor
 _SAME_POWER = 0.02  # of the largest: a power and the product that it is, in so many of the rows at least
+_PARTS = 12  # of a record, of which the medians are compared
+_RISES = 0.2  # of the largest of them: a wheel that nothing drives is not faster later
 _FULL_SHARE = 1.05  # of a drive: more is a count of something
 _HALF_PERCENT = 40.0  # never below it: a bridge whose zero is at 50 %
 _UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
@@ -52,6 +58,11 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
         name, number = given
         if number is None:
             guess.take(name, {"constant": 0.0}, "as it was set: no current")
+            if speed is not None and (rise := _speeds_up(speed.values)) is not None:
+                guess.notes.append(
+                    f"{speed.shown} goes from {rise[0]:.4g} to {rise[1]:.4g}: something drives the wheel, and a model "
+                    "that is driven by nothing will not explain it"
+                )
         else:
             _take_current(next(c for c in columns if c.number == number), name, told, guess)
         return
@@ -77,7 +88,12 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
         guess.ask("current_A", text, Line("current_A", held[0].entry(held[0].unit), ""), _FREE)
         return
     if speed is not None and _coasts(speed.values):
-        guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
+        other = next((c for c in columns if c.moves and c.role in _UNKNOWN and c.said.any_of(*_DRIVEN)), None)
+        if other is None:
+            guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
+        else:
+            share = Line("current_A", other.entry(), "a share of the full drive")
+            guess.ask("current_A", f"the speed only falls, but {other.shown} moves: does it drive it?", share, _FREE)
         return
     text = "no column is known to be the current: --set current=COLUMN, or --set current=none."
     guess.ask("current_A", text, _FREE)
@@ -125,7 +141,11 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
         elif (column.said.has("other_load") or _RAIL.search(column.name)) and not column.said.has("machine"):
             text = f"{column.shown} may be of something else than the motor: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
-        elif role == "current" and ((column.said.has("supply") and fed) or _feeds(column, columns)):
+        elif (
+            role == "current"
+            and not column.said.has("torque_axis")
+            and ((column.said.has("supply") and fed) or _feeds(column, columns))
+        ):
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
         else:
@@ -184,10 +204,21 @@ def _amperes_of(name: str, column: Column) -> Line | None:
     return Line(name, column.entry(column.unit), "") if known else None
 
 
+def _speeds_up(speed: Float64Array) -> tuple[float, float] | None:
+    """From where to where the size of a speed (n,) rises most, beyond its noise; None where it hardly does."""
+    size = np.abs(speed[np.isfinite(speed)])
+    if size.size < _PARTS:
+        return None
+    parts = np.array([float(np.median(part)) for part in np.array_split(size, _PARTS)])
+    lowest = np.minimum.accumulate(parts)
+    at = int(np.argmax(parts - lowest))
+    return (float(lowest[at]), float(parts[at])) if parts[at] - lowest[at] > _RISES * parts.max() else None
+
+
 def _coasts(speed: Float64Array) -> bool:
     """Whether the size of a speed (n,) falls all the way, but for its noise."""
     size = np.abs(speed[np.isfinite(speed)])
     if size.size < 20:
         return False
-    parts = np.array([float(np.median(part)) for part in np.array_split(size, 12)])
+    parts = np.array([float(np.median(part)) for part in np.array_split(size, _PARTS)])
     return bool(np.all(np.diff(parts) <= 1.0e-3 * parts[0])) and parts[-1] < 0.9 * parts[0]

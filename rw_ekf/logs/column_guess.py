@@ -17,7 +17,7 @@ from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
 from rw_ekf.logs.column_speed import find_speed
-from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, rate_in, ticks_a_second
+from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, no_clock, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import is_even, usual_step
@@ -119,6 +119,10 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
             text = f"{both[0][1].shown} and {both[1][1].shown} do not tell the same time: which is the speed's?"
             guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
             return clock
+        column = columns[clock.number]
+        if not clock.is_clock and not unit and (why := no_clock(column.shown, column.values, column.said)):
+            guess.ask("time_s", f"{why}: in which unit is it?", Line("time_s", column.entry("s"), ""))
+            return clock
         if clock.repeats and _rows_again(clock, columns):
             clock.repeats = "drop"
         _take_clock(clock, columns[clock.number], told, guess)
@@ -128,7 +132,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
         clock, step_s, why = counter
         guess.take("time_s", told.with_more("time_s", columns[clock.number].entry(scale=step_s, wrap=clock.wrap)), why)
         return clock
-    rate = rate_in((*table.preamble, *table.names))
+    rate = told.rate or rate_in((*table.preamble, *table.names))
     if rate is not None and (steps := next((c for c in columns if _counts_steps(c)), None)) is not None:
         text = f"{steps.shown} rises by some {usual_step(_known(steps)):.4g} from row to row, and '{rate[1]}' is said"
         guess.ask("time_s", f"{text}: how many of them are a second? --set time={steps.key} --set time.scale=SECONDS.")
@@ -138,7 +142,9 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
         guess.notes.append(f"there is no column of time; rows are {rate[0]:g} a second, by '{rate[1]}'")
         return Clock(-1, np.arange(table.rows) / rate[0])
     rising = [c for c in columns if not c.name and np.all(np.diff(c.values) > 0.0) and table.rows > 2]
-    text = "no column is known to be the time: --set time=COLUMN, or `rate_hz` in the map."
+    text = "no column is known to be the time: --set time=COLUMN, or --set rate_hz=ROWS_A_SECOND."
+    refused = [no_clock(c.shown, c.values, c.said) for c in columns if c.role == "time"]
+    text = "; ".join([*filter(None, refused[:1]), text])
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
 

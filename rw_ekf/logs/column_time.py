@@ -110,6 +110,20 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     return clock
 
 
+def no_clock(shown: str, values: Float64Array, said: Said) -> str:
+    """Why a column (n,) that is called a time is none, with its numbers; empty where it cannot be said."""
+    known = values[np.isfinite(values)]
+    if known.size < 3 or float(np.ptp(known)) == 0.0:
+        return f"{shown} never changes" if known.size else ""
+    step = np.diff(known)
+    back = int(np.argmax(step < 0.0))
+    if step[back] < 0.0:
+        return f"{shown} falls from {known[back]:.6g} to {known[back + 1]:.6g} after {back + 1} rows"
+    factor = 1.0 if said.unit is None else said.unit.factor
+    usual = float(np.median(step)) * factor
+    return "" if _usual(step * factor) else f"{shown} would make rows {usual:.3g} s apart, by the unit of its name"
+
+
 def _usual(step_s: Float64Array) -> bool:
     forth = step_s[step_s > 0.0]
     return forth.size > 0 and _FASTEST_S / 4.0 <= float(np.median(forth)) <= 30.0 * SLOWEST_S

@@ -77,8 +77,8 @@ WORDS: dict[str, frozenset[str]] = {
             estimated filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
             simulated smooth smoothed std """,
         "aside": """
-            abweichung acc accel acceleration accumulated alpha band bias change cum cumulative currentdot
-            currentrate delta deviation diff difference differenz fft gradient grenzwert idot initial int integ
+            abweichung acc accel acceleration accumulated alpha band bias ceiling change cum cumulative currentdot
+            currentrate cutoff delta deviation diff difference differenz fft gradient grenzwert idot initial int integ
             integral integrated lim limit max min ndot next noise nom nominal norm normalised normalized normiert
             offset old omegadot omegarate prev previous rated ratio ripple rpmdot rpmrate sigma slope speeddot
             speedrate sq squared stall start std sum threshold tolerance variance veldot velocitydot velocityrate

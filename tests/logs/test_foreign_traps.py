@@ -659,6 +659,62 @@ def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
     assert [question.name for question in _guess(tmp_path / "b.csv", text).guess.questions] == ["current_A"]
 
 
+def test_a_coast_down_beside_what_moves_like_a_drive_is_asked_about(tmp_path: Path) -> None:
+    """A column `Power` that falls with the speed may be what lets it fall; a battery's charge is none."""
+    fall = [(0.1 * i, 300.0 * math.exp(-0.01 * i) + 1.0) for i in range(400)]
+    for name, asked in (("Power", ["current_A"]), ("effort", ["current_A"]), ("pressure [Pa]", [])):
+        text = f"t_s,rpm,{name}\n" + "".join(f"{t:.1f},{w:.3f},{45.0 - 0.04 * w:.3f}\n" for t, w in fall)
+        assert [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions] == asked, name
+
+
+def test_a_wheel_that_speeds_up_without_a_drive_is_told_so(tmp_path: Path) -> None:
+    """`--set current=none` of a motor that was driven by what the log has not."""
+    text = "t_s,rpm\n" + "".join(f"{0.1 * i:.1f},{100.0 + i}\n" for i in range(100))
+    (tmp_path / "a.csv").write_text(text)
+    notes = rw_ekf.guess_columns(tmp_path / "a.csv", current=None).guess.notes
+    assert any("something drives the wheel" in note for note in notes)
+
+
+def test_a_rate_of_rows_is_answered_on_the_line(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Without a column of time; what is no rate is refused."""
+    path = tmp_path / "a.csv"
+    path.write_text(_csv(run, "rpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+    assert rw_ekf.guess_columns(path, rate_hz=10).column_map.rate_hz == 10.0
+    for wrong in ("0", "often"):
+        with pytest.raises(rw_ekf.Error, match="rate_hz"):
+            rw_ekf.guess_columns(path, rate_hz=wrong)
+
+
+def test_why_a_column_of_time_is_none_is_said(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Seconds that are called us; that the column was given does not make its rows half a nanosecond apart."""
+    path = tmp_path / "a.csv"
+    path.write_text(_csv(run, "time_us,rpm,current_A", lambda i, t, w, c: f"{t * 5.0e-3!r},{w * RPM!r},{c!r}"))
+    for given in ({}, {"time": "time_us"}):
+        asked = rw_ekf.guess_columns(path, **given).guess.questions
+        assert any("5e-10 s apart" in question.text for question in asked if question.name == "time_s"), given
+    text = _csv(run, "time_s,rpm,current_A", lambda i, t, w, c: f"{t if i != 1 else -3.0!r},{w * RPM!r},{c!r}")
+    assert "time_s" not in [q.name for q in _guess(tmp_path / "b.csv", text).guess.questions]
+
+
+def test_a_limit_is_no_current_and_a_measurement_tells_no_wheel(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`Burst Current Cutoff (A)` beside `Current (A)`; an acceleration that alternates at each time."""
+    text = _csv(
+        run, "t_s,rpm,Current (A),Burst Current Cutoff (A)", lambda i, t, w, c: f"{t},{w * RPM},{c},{40 + i % 2}"
+    )
+    assert not _guess(tmp_path / "a.csv", text).guess.questions
+    text = _csv(run, "t_s,rpm,current_A,accelX",
+                lambda i, t, w, c: f"{t},{w * RPM},{c},.25\n{t},{w * RPM},{c},-.0622")  # fmt: skip
+    assert "only" not in [question.name for question in _guess(tmp_path / "b.csv", text).guess.questions]
+
+
+def test_a_q_axis_current_is_no_supply_s(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where voltage and power beside it are zero throughout, every current is the supply's by arithmetic."""
+    text = _csv(run, "t_s,erpm [rpm],q_axis_current [A],power,voltage_in",
+                lambda i, t, w, c: f"{t},{w * RPM},{c},{12.0 * c},12.0")  # fmt: skip
+    asked = _guess(tmp_path / "a.csv", text).guess.questions
+    assert not any("supply" in question.text for question in asked)
+
+
 def test_a_probe_s_sensitivity_beside_a_current_without_a_unit_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Volts of a probe look like amperes; where the name says the unit, the line is about the probe alone."""
     for name, open_ in (("current", ["current_A"]), ("current [A]", [])):
