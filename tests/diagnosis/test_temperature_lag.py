@@ -2,57 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import rw_ekf
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import ConfigError
 from rw_ekf.log_replay import replay_log
-from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.starting_point import setup_of_model
 from rw_ekf.wheel.model_file import WheelModel
+from tests.diagnosis.chamber import wheel_log
 
 LAG_S = 90.0
 SLOPES = {"viscous_temperature": -0.02, "coulomb_temperature": -0.006}  # 1/K
-GAIN, VISCOUS, COULOMB, STATIC, STRIBECK = 30.0, 0.02, 0.55, 0.66, 0.42
-STEP_S = 0.005
-
-
-def wheel_log(seed: int, *, lag_s: float, slopes: dict[str, float], noise_rpm: float = 1.0) -> WheelLog:
-    """Ten minutes at 10 Hz in a chamber that is warmed by 24 K and cooled again; Euler, no code of the package.
-
-    The torque is new each moment by .01 rad/s per sqrt(s); the thermometer reads to .05 K.
-    """
-    rng, n = np.random.default_rng(seed), 6000
-    current = np.repeat(rng.uniform(-0.1, 0.1, n // 200), 200).round(4)
-    chamber = 20.0 + 12.0 * (1.0 - np.cos(2.0 * math.pi * np.arange(n) / 10.0 / rng.uniform(400.0, 600.0)))
-    kicks = 0.01 * math.sqrt(0.1) * rng.standard_normal(n)
-    speed, body, found = 0.0, chamber[0], np.empty(n)
-    inner = round(0.1 / STEP_S)
-    for i in range(n):
-        found[i] = speed
-        speed += kicks[i]
-        for _ in range(inner):
-            body += (chamber[i] - body) * (STEP_S / lag_s if lag_s else 1.0)
-            warm = body - 20.0
-            viscous = VISCOUS * math.exp(slopes.get("viscous_temperature", 0.0) * warm)
-            dry = 1.0 + slopes.get("coulomb_temperature", 0.0) * warm
-            torque = GAIN * current[i] - viscous * speed
-            if speed == 0.0 and abs(torque) <= STATIC * dry:
-                continue
-            way = math.copysign(1.0, speed if speed != 0.0 else torque)
-            friction = dry * COULOMB + (STATIC - COULOMB) * math.exp(-((speed / STRIBECK) ** 2))
-            moved = speed + STEP_S * (torque - way * friction)
-            speed = 0.0 if moved * way < 0.0 else moved
-    readings = found + noise_rpm * math.pi / 30.0 * rng.standard_normal(n)
-    return rw_ekf.read({
-        "time_s": np.arange(n) / 10.0, "speed_rad_s": readings, "current_A": current,
-        "temperature_degC": chamber + 0.05 * rng.standard_normal(n),
-    })  # fmt: skip
 
 
 @pytest.fixture(scope="module")
