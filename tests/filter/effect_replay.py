@@ -8,6 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
@@ -83,10 +84,10 @@ def rough_log(seed: int, *, burst: bool = False, first_A: float = 0.0) -> tuple[
 
 
 def both(
-    log: Columns, temperature: Float64Array, angle: Float64Array, effects: EffectSet
+    log: Columns, temperature: Float64Array, angle: Float64Array, effects: EffectSet, temperature_lag_s: float = 0.0
 ) -> tuple[list[Estimate], FilterRun]:
     """The log sample by sample through the estimator, and through the compiled pass."""
-    belief, constants = believed(effects), constants_for()
+    belief, constants = believed(effects), constants_for()._replace(temperature_lag_s=temperature_lag_s)
     drift = np.full(effects.size, 1.0e-9)
     estimator = Estimator(constants, belief.mean, belief.covariance, effects, drift)
     results = []
@@ -101,6 +102,7 @@ def both(
         )
         results.append(estimator.step(sample))
         estimator.command_issued(IssuedCommand(float(log.current_A[i]), float(log.delay_s[i])))
+    temperature = acting_temperature(log.time_s, log.segment, temperature, temperature_lag_s)
     course = Course.of(
         log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle
     )  # fmt: skip

@@ -96,12 +96,25 @@ def test_what_cannot_be_printed_is_refused_by_name() -> None:
                 setup_for(constants_for(), believed(effects), effects)
 
 
-def _assert_same_bits(effects: EffectSet, folder: Path) -> None:
+@needs_gcc
+def test_a_temperature_that_acts_late_has_the_bits_of_the_estimator(tmp_path: Path) -> None:
+    """The lag is a constant of the model, and the compiled pass over a log has the same."""
+    effects = in_use("viscous_temperature", "coulomb_temperature")
+    _assert_same_bits(effects, tmp_path, temperature_lag_s=3.0)
+    log, temperature, angle = rough_log(5)
+    results, run = both(log, temperature, angle, effects, 3.0)
+    found = np.array([result.values for result in results])
+    assert run.states[:, : found.shape[1]] == pytest.approx(found, rel=1e-9, abs=1e-12)
+    assert found != pytest.approx(np.array([r.values for r in both(log, temperature, angle, effects)[0]]), rel=1e-6)
+
+
+def _assert_same_bits(effects: EffectSet, folder: Path, temperature_lag_s: float = 0.0) -> None:
     log, temperature, angle = rough_log(5)
     belief = believed(effects)
     drift = np.full(effects.size, 1.0e-9)
-    results, _ = both(log, temperature, angle, effects)
-    library = compiled(folder, setup_for(constants_for(), belief, effects, drift))
+    results, _ = both(log, temperature, angle, effects, temperature_lag_s)
+    constants = constants_for()._replace(temperature_lag_s=temperature_lag_s)
+    library = compiled(folder, setup_for(constants, belief, effects, drift))
     found = in_c(library, log, len(belief.mean), temperature, angle)
     assert [OUTCOMES[code] for code in found.outcome] == [result.outcome for result in results]
     shown = len(results[0].values)
