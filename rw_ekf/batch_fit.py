@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rw_ekf.course.conditions import with_conditions
+from rw_ekf.course.conditions import of_lost_temperature, with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.documents import FIT_SCHEMA, effects_document, effects_text, inertia_document, physical, torques_text
 from rw_ekf.errors import BadInputError, FilterError, LogError
@@ -27,7 +27,7 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.logs.record_print import made_of, print_of
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
-from rw_ekf.second_record import as_of_another_record
+from rw_ekf.second_record import as_of_another_record, with_warmth_of_record
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 from rw_ekf.units import rpm_from_rad_s
@@ -183,7 +183,7 @@ def fit_record(
     setup = with_stribeck_speeds(course, setup_of_record(course, configuration, prior))
     if prior is not None and prior.effects.terms:
         refuse_runaway_model(log.name, course, setup, prior)
-        course = with_conditions(course)
+        course = with_conditions(with_warmth_of_record(log, course, setup))
     if prior is not None and configuration is None and method == "least-squares":
         setup = as_of_another_record(course, setup)
     belief, noises, quality, said = _fit(method, course, log, setup, advance)
@@ -195,6 +195,7 @@ def fit_record(
         *sampling.remarks(),
         *log.warnings,
         *([] if colour is None else [colour.sentence]),
+        *of_lost_temperature(log.time_s, log.channels.get("temperature_degC"), setup.effects),
         *setup.notes,
         *said,
         *ignored,

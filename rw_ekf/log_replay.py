@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.conditions import of_lost_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.documents import REPLAY_SCHEMA, as_it_went_text, entry_text, log_entry
 from rw_ekf.errors import BadInputError, FilterError, LogError
@@ -36,7 +37,7 @@ from rw_ekf.pass_sums import PassSums
 from rw_ekf.pictures import run_figure
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.residual_judgement import judge_log
-from rw_ekf.second_record import as_of_another_record
+from rw_ekf.second_record import as_of_another_record, with_warmth_of_record
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import (
     FilterSetup,
@@ -179,6 +180,7 @@ def replay_log(
         if with_hindsight:
             setup = with_stribeck_speeds(course, setup)
             if model is not None:
+                course = with_warmth_of_record(log, course, setup)
                 setup = as_of_another_record(course, setup)
             run, setup = run_of_log(course, setup, keep_states=with_columns, keep_history=smooth)
         if online:
@@ -192,6 +194,7 @@ def replay_log(
         consistency = judge_log(course, setup, belief)
     warnings = [
         *odd,
+        *of_lost_temperature(log.time_s, log.channels.get("temperature_degC"), setup.effects),
         *told_of_log(log, sampling, model, again, colour),
         *setup.notes,
         *sums.remarks(driven=bool(np.any(log.current_A != 0.0))),

@@ -17,12 +17,15 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.course import Course
+from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.second_look import log_likelihood, was_reset
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.hindsight import CLEARLY, filtered
+from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
 from rw_ekf.numbers import plus_minus
@@ -36,6 +39,7 @@ _MOVED = 3.0  # sigmas by which a constant is another than the model's, to be to
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
 _DISAGREE_P = 1.0e-5
 _FREE = 100.0  # times the model's variances, to ask the log itself
+_AHEAD = 0.5  # of the temperature's range, by which a body may be ahead where a log begins: one sigma
 _NOISIER = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # times the model's torque noise
 _AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
 _SHORT = 1.0e-3  # of a reach: a step that is no step
@@ -49,6 +53,30 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
     """
     setup = with_laws_of_record(course, with_times_of_record(course, setup))
     return with_prior_that_holds(course, with_noise_that_holds(course, with_shapes_of_record(course, setup)))
+
+
+def with_warmth_of_record(log: WheelLog, course: Course, setup: FilterSetup) -> Course:
+    """The course with a body as much warmer than its thermometer, where the record begins, as makes the log likeliest.
+
+    Of a model whose temperature acts late; a record may begin in the middle of a cycle.
+    """
+    read, lag_s = log.channels.get("temperature_degC"), setup.temperature_lag_s
+    if read is None or lag_s <= 0.0 or not np.isfinite(read).any():
+        return course
+    steady = replace(setup, constants=without_drift(setup.constants))
+    range_K = max(float(np.ptp(read[np.isfinite(read)])), 1.0e-6)
+
+    def warmer(ahead: float) -> Course:
+        acts = acting_temperature(log.time_s, log.segment, read, lag_s, ahead * range_K)
+        return course._replace(temperature_degC=acts)
+
+    def loss(ahead: float) -> float:
+        return 0.5 * (ahead / _AHEAD) ** 2 - log_likelihood(filtered(warmer(ahead), steady), setup.constants.gate)
+
+    from scipy.optimize import minimize_scalar  # takes long to import, and few models get here
+
+    found = minimize_scalar(loss, bounds=(-1.0, 1.0), method="bounded", options={"xatol": 1.0e-3})
+    return warmer(float(found.x)) if found.fun < loss(0.0) - CLEARLY else course
 
 
 def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
@@ -103,14 +131,58 @@ def _comes_again(course: Course, setup: FilterSetup) -> bool:
 
 def _without_record(setup: FilterSetup) -> FilterSetup:
     """The setup without what belonged to the model's record; open is what that has moved by now."""
-    prior = setup.prior
-    gone = [term for term in setup.effects.terms if term.of_its_record]
-    stays = [not term.of_its_record for term in setup.effects.state_terms for _ in term.values]
+    return _without(setup, [term for term in setup.effects.terms if term.of_its_record])
+
+
+def without_past_changes(setup: FilterSetup) -> FilterSetup:
+    """The setup without a change that came before this log, or does not come in it; what it moved is open.
+
+    For a diagnosis, to which another change at another time is another answer. A torque that came and stayed is an
+    offset.
+    """
+    past = [term for term in setup.effects.terms if _is_change(term) and _is_level(term)]
+    stays = next((term for term in past if _level(term) != 0.0 and term.law.acts_as == "torque"), None)  # type: ignore[union-attr]
+    if stays is not None and TORQUE.id not in setup.effects.ids:
+        setup, past = _as_offset(setup, stays), [term for term in past if term is not stays]
+    return _without(setup, past)
+
+
+def _as_offset(setup: FilterSetup, change: Term) -> FilterSetup:
+    """The setup with a constant torque where it had a change that has come."""
+    level, at = _level(change), 0
+    for term in setup.effects.state_terms:
+        if term is change:
+            break
+        at += len(term.values)
+    offset = Term.of(TORQUE, value=level * change.values[0], std=abs(level) * change.stds[0])
+    effects = EffectSet(tuple(offset if term is change else term for term in setup.effects.terms))
+    mean, covariance, place = setup.prior.mean.copy(), setup.prior.covariance.copy(), PARAMETERS.stop + at
+    mean[place] *= level
+    covariance[place, :] *= level
+    covariance[:, place] *= level
+    ids = [*setup.prior.effect_ids]
+    ids[at] = TORQUE.id
+    return replace(setup, effects=effects, prior=Belief(mean, covariance, tuple(ids)))
+
+
+def _level(term: Term) -> float:
+    return 0.0 if term.law is None else float(term.law.functions[0][-1])
+
+
+def _is_level(term: Term) -> bool:
+    return term.law is not None and all(min(values) == max(values) for values in term.law.functions)
+
+
+def _without(setup: FilterSetup, gone: list[Term]) -> FilterSetup:
+    if not gone:
+        return setup
+    prior, leaves = setup.prior, {id(term) for term in gone}
+    stays = [id(term) not in leaves for term in setup.effects.state_terms for _ in term.values]
     places = [*range(PARAMETERS.stop), *(PARAMETERS.stop + at for at, kept in enumerate(stays) if kept)]
     ids = tuple(name for name, kept in zip(prior.effect_ids, stays, strict=False) if kept)
     values, covariance = Belief(prior.mean[places], prior.covariance[np.ix_(places, places)]).known(sum(stays))
     covariance += left_open(gone, prior.parameters, values.size)
-    effects = EffectSet(tuple(term for term in setup.effects.terms if not term.of_its_record))
+    effects = EffectSet(tuple(term for term in setup.effects.terms if id(term) not in leaves))
     known = Belief.of_known(values, covariance, effects.table().size, effect_ids=ids)
     return replace(setup, effects=effects, prior=known)
 
@@ -219,7 +291,8 @@ def with_noise_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     none refuses the readings instead, is reset, and is lost again.
     """
     known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
-    steady = _widened(replace(setup, constants=without_drift(setup.constants)), known, _FREE)
+    constants = without_drift(setup.constants)._replace(dry_walk=setup.constants.dry_walk)
+    steady = _widened(replace(setup, constants=constants), known, _FREE)
     first = filtered(course, steady)
     if not was_reset(first):
         return setup

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.wheel.interval import warmed
+from rw_ekf.wheel.interval import UNREAD, warmed
 
 
 def acting_temperature(
@@ -15,20 +15,19 @@ def acting_temperature(
 ) -> Float64Array:
     """The temperature of a body that follows the one read with a time constant lag_s [s], (n,) all (docs/effects.md).
 
-    Where a segment begins the two are one, but that the body is warmer by ahead_K where the record begins. A reading
-    that is missing (NaN) is as it was; NaN before the first one. Rows whose time does not go forward count for nothing,
-    as they do to the filter.
+    Where the record begins the body is warmer than its thermometer by ahead_K. It goes on through rows that are lost,
+    and begins anew where another clock does. Rows whose time does not go forward count for nothing, as they do to the
+    filter. NaN before the first reading.
     """
     found = np.empty(time_s.size)
-    acts, read, last_s, part = math.nan, math.nan, -math.inf, None
+    body, last_s, part = UNREAD._replace(acts=math.nan, acted=math.nan), -math.inf, None
     rows = zip(time_s.tolist(), segment.tolist(), read_degC.tolist(), strict=True)
     for i, (now_s, now_part, now_degC) in enumerate(rows):
-        if now_part != part:
-            read, part, last_s = math.nan, now_part, -math.inf
-        if now_s > last_s:
-            unknown = math.isnan(acts)
-            acts, read = warmed(acts, read, now_degC, now_s - last_s, lag_s)
-            acts += ahead_K if unknown else 0.0
-            last_s = now_s
-        found[i] = acts
+        if now_part != part or now_s > last_s:
+            unknown = math.isnan(body.acts)
+            body = warmed(body, now_degC, now_s - last_s if math.isfinite(last_s) else 1.0, lag_s)
+            if unknown:
+                body = body._replace(acts=body.acts + ahead_K, acted=body.acted + ahead_K)
+            last_s, part = now_s, now_part
+        found[i] = body.acts
     return found

@@ -7,7 +7,9 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.model.effect import REFERENCE_DEGC
+from rw_ekf.wheel.effect_table import EffectSet
 
+_LONG_S, _SELDOM, _LEAST_K = 10.0, 10.0, 1.0  # of a gap: seconds, usual distances of readings, change over it
 _LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
 
 
@@ -59,3 +61,28 @@ def with_conditions(course: Course) -> Course:
 def filled_columns(columns: Float64Array) -> Float64Array:
     """Columns (n, 3), or (0, 3), each with its gaps filled by the value before; NaN all through where there is none."""
     return np.array([filled(values, np.nan)[0] if values.size else values for values in columns.T]).T.copy()
+
+
+def of_lost_temperature(time_s: Float64Array, temperature_degC: Float64Array | None, effects: EffectSet) -> list[str]:
+    """What is said of a temperature (n,) that a model goes with and a log has not, or has not for a while."""
+    needing = [term.id for term in effects.terms if "temperature_degC" in term.effect.needs]
+    needing += [term.id for term in effects.terms if term.law is not None and term.law.quantity == "temperature"]
+    if not needing:
+        return []
+    named = ", ".join(dict.fromkeys(needing))
+    told = np.zeros(0, dtype=int) if temperature_degC is None else np.flatnonzero(np.isfinite(temperature_degC))
+    if told.size == 0:
+        return [
+            f"{named} of the model goes with the temperature, which this log has not: {REFERENCE_DEGC:g} degC is taken"
+        ]
+    gaps = np.diff(time_s[told])
+    widest = int(np.argmax(gaps)) if gaps.size else 0
+    if not gaps.size or gaps[widest] < _LONG_S or gaps[widest] < _SELDOM * float(np.median(gaps)):
+        return []
+    first, last = temperature_degC[told[widest]], temperature_degC[told[widest + 1]]  # type: ignore[index]
+    if abs(last - first) < _LEAST_K:
+        return []
+    return [
+        f"the temperature is not known from {time_s[told[widest]]:.6g} to {time_s[told[widest + 1]]:.6g} s, between "
+        f"{first:.3g} and {last:.3g} degC: {named} goes with it, and is off there"
+    ]

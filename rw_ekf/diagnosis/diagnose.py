@@ -66,7 +66,7 @@ def _diagnosed(
     advance: Advance,
 ) -> Diagnosis:
     logs = [log] if isinstance(log, WheelLog) else log
-    source = source_of(logs, *((), 0.0) if model is None else (model.effects.columns, model.temperature_lag_s))
+    source = source_of(logs, () if model is None else model.effects.columns)
     described = configuration is not None or model is not None
     asked = [(one, *misreadings_and_questions(one, described=described)) for one in logs]
     misread = [(one.name, text) for one, odd, _ in asked for text in odd]

@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.current_schedule import CurrentSchedule, GivenCurrents, pieces_between
-from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.law import MOST_COLUMNS
 from rw_ekf.records import Conditions, WheelSample
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import Interval, Pieces, warmed
+from rw_ekf.wheel.interval import UNREAD, Interval, Pieces, warmed
 from rw_ekf.wheel.outlook import WheelOutlook
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay or a window
@@ -66,8 +65,7 @@ class Gatherer:
         self._remembers = remembers
         self._names = columns
         self._columns = [math.nan] * MOST_COLUMNS
-        self._temperature_degC = REFERENCE_DEGC  # effects of temperature are relative to it: none until it is read
-        self._read_degC = math.nan  # since the segment began
+        self._body = UNREAD
         self._lag_s = temperature_lag_s
         self._past: list[tuple[float, float, float]] = []
 
@@ -75,7 +73,7 @@ class Gatherer:
     def conditions(self) -> Conditions:
         """At the last sample."""
         first, second, third = self._columns
-        return Conditions(self._temperature_degC, self.angle_rad, (first, second, third))
+        return Conditions(self._body.acts, self.angle_rad, (first, second, third))
 
     def current_A(self, time_s: float) -> float:
         """In force at a time up to that of the last sample, as far back as is remembered."""
@@ -95,7 +93,6 @@ class Gatherer:
         """Forget the currents: a new segment, whose clock says nothing about the old one's, and no interval before."""
         self.schedule.restart()
         self._past.clear()
-        self._read_degC = math.nan
         warmth, angle, columns = self.conditions
         return Surroundings(Interval(0.0, 0.0, warmth, angle, 0, 0, 0, columns), Pieces([], [], []))
 
@@ -112,7 +109,7 @@ class Gatherer:
             Interval(
                 from_s=from_s,
                 to_s=to_s,
-                temperature_degC=self._temperature_degC,
+                temperature_degC=self._body.acts,
                 angle_rad=self.angle_rad,
                 first=0,
                 start=len(past),
@@ -139,9 +136,7 @@ class Gatherer:
         if sample.angle_rad is not None and not math.isnan(sample.angle_rad):
             self.angle_rad = sample.angle_rad
         now_degC = math.nan if sample.temperature_degC is None else sample.temperature_degC
-        self._temperature_degC, self._read_degC = warmed(
-            self._temperature_degC, self._read_degC, now_degC, dt, self._lag_s
-        )
+        self._body = warmed(self._body, now_degC, dt, self._lag_s)
         for slot, name in enumerate(self._names):
             value = getattr(sample, name, None)
             if value is not None and not math.isnan(value):

@@ -66,6 +66,9 @@ def _conditions(setup: FilterSetup) -> tuple[str, ...]:
     found: list[str] = []
     for term in setup.effects.state_terms:
         found += [quantity for quantity in ("temperature", "angle") if reads(term, quantity)]
+        if reads(term, "temperature") and setup.temperature_lag_s > 0.0:
+            late = f"as it is read: what friction is in begins with it, and follows by {setup.temperature_lag_s:.4g} s"
+            found[found.index("temperature")] = f"temperature ({late})"
         if term.law is not None and term.law.column:
             found.append(f"{term.law.column} (`columns.v[{term.law.slot}]`)")
     return tuple(dict.fromkeys(found))

@@ -35,11 +35,10 @@ from rw_ekf.filter.step import (
     memory_of,
     weigh,
 )
-from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.moment import Columns
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import Interval, Pieces, last_known, warmed
+from rw_ekf.wheel.interval import UNREAD, Body, Interval, Pieces, last_known, warmed
 
 Clock = float  # a time [s] that is kept in double precision whatever the rest is
 
@@ -64,8 +63,10 @@ TEMPERATURE_DEGC = 2
 ANGLE_RAD = 3
 COLUMN = 4  # and the two behind it: columns that learned laws are functions of
 PREDICTED_RAD_S = 7  # speed before the last reading was weighed
-READ_DEGC = 8  # temperature that was read last since the segment began, which the one that acts follows
-_NOW = 9
+READ_DEGC = 8  # temperature that was read last, which the one that acts follows
+ACTED_DEGC = 9  # what acted then
+SINCE_S = 10  # and how long ago that is
+_NOW = 11
 
 # Places in `Onboard.last_s`.
 USED = 0  # time of the last sample that was used
@@ -80,7 +81,7 @@ class Onboard(NamedTuple):
     P: Float64Array  # (n, n) their covariance
     memory: Memory
     last_s: Any  # (2,) time of the last sample that was used, and of the last that came
-    now: Any  # (9,)
+    now: Any  # (11,)
     counts: Any  # (7,)
     acts_s: Any  # (8,) when pending commands take force, in order of time
     pending_A: Any  # (8,)
@@ -116,8 +117,8 @@ def onboard_of(
     """What an estimator that starts from a belief x (n,), P (n, n) remembers."""
     x, P = np.array(mean, dtype=np.float64), np.array(covariance, dtype=np.float64)
     now = np.zeros(_NOW)
-    now[TEMPERATURE_DEGC] = REFERENCE_DEGC
-    now[COLUMN:] = math.nan  # and what was read
+    now[COLUMN : PREDICTED_RAD_S + 1] = math.nan
+    now[TEMPERATURE_DEGC], now[READ_DEGC], now[ACTED_DEGC], now[SINCE_S] = UNREAD
     return Onboard(
         x,
         P,
@@ -210,9 +211,12 @@ def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float, tempera
         now[ANGLE_RAD] += turned
     if not math.isnan(reading.angle_rad):
         now[ANGLE_RAD] = reading.angle_rad
-    now[TEMPERATURE_DEGC], now[READ_DEGC] = warmed(
-        now[TEMPERATURE_DEGC], now[READ_DEGC], reading.temperature_degC, dt, temperature_lag_s
-    )
+    body = Body(now[TEMPERATURE_DEGC], now[READ_DEGC], now[ACTED_DEGC], now[SINCE_S])
+    body = warmed(body, reading.temperature_degC, dt, temperature_lag_s)
+    now[TEMPERATURE_DEGC] = body.acts
+    now[READ_DEGC] = body.read
+    now[ACTED_DEGC] = body.acted
+    now[SINCE_S] = body.since_s
     columns = last_known((now[COLUMN], now[COLUMN + 1], now[COLUMN + 2]), reading.columns)
     now[COLUMN] = columns[0]
     now[COLUMN + 1] = columns[1]
@@ -269,7 +273,6 @@ def take_reading(
         held.counts[KNOWS] = 0
         held.counts[PENDING] = 0
         now[IN_FORCE_A] = 0.0
-        now[READ_DEGC] = math.nan
     else:
         # In single precision times within an interval count from its begin, else from where the clock does.
         epoch = last if relative else 0.0

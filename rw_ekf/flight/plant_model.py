@@ -42,6 +42,7 @@ class PlantModel:
     effects: EffectSet
     inertia_kg_m2: float | None  # None: nobody gave it
     period_s: float  # between the readings: over no longer step an effect is taken as straight
+    temperature_lag_s: float = 0.0  # by which the temperature that is put in follows a thermometer
 
     @property
     def table(self) -> EffectTable:
@@ -71,6 +72,11 @@ class PlantModel:
     def remarks(self) -> tuple[str, ...]:
         """What a user of the export must know: sentences without a stop."""
         found = ["readings have no noise: the speed is the wheel's own"]
+        if self.has_temperature and self.temperature_lag_s > 0.0:
+            found.append(
+                "temperature_degC is that of what friction is in: T follows a thermometer by tau dT/dt = T_read - T "
+                f"with tau = {self.temperature_lag_s:.4g} s, which is not in here"
+            )
         for term in self.effects.terms:
             if issubclass(term.effect, ReadingEffect):
                 found.append(f"{term.id} is of the readings, not of the wheel, and is not in it")
@@ -92,7 +98,8 @@ def plant_model(setup: FilterSetup, name: str, period_s: float, inertia_kg_m2: f
     inertia = inertia_kg_m2
     if inertia is None and setup.inertia_from != ASSUMED:
         inertia = setup.inertia_kg_m2
-    return PlantModel(_printable(name), x, setup.constants.stribeck, setup.effects, inertia, period_s)
+    lag_s = setup.temperature_lag_s
+    return PlantModel(_printable(name), x, setup.constants.stribeck, setup.effects, inertia, period_s, lag_s)
 
 
 def _printable(name: str) -> str:

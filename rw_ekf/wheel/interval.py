@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from rw_ekf.arrays import by_identity
+from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.moment import NO_COLUMNS, Columns
 
 
@@ -31,6 +32,18 @@ class Interval(NamedTuple):
     columns: Columns = NO_COLUMNS  # of the log, that laws of the model are functions of; at from_s
 
 
+class Body(NamedTuple):
+    """The temperature of what friction is in, behind a thermometer [degC]."""
+
+    acts: float  # now
+    read: float  # last; NaN before the first reading
+    acted: float  # what acted when that was read
+    since_s: float  # then
+
+
+UNREAD = Body(REFERENCE_DEGC, math.nan, REFERENCE_DEGC, 0.0)  # what effects are relative to: none, until it is read
+
+
 def interval_after(course: Any, i: int) -> Interval:
     """From sample i of a course to the next."""
     return Interval(
@@ -45,22 +58,27 @@ def interval_after(course: Any, i: int) -> Interval:
     )
 
 
-def warmed(acts_degC: float, read_degC: float, now_degC: float, dt_s: float, lag_s: float) -> tuple[float, float]:
-    """The temperature that acts, and the one read last, dt_s after `acts_degC` did beside `read_degC`.
+def warmed(body: Body, now_degC: float, dt_s: float, lag_s: float) -> Body:
+    """A body dt_s later, beside a thermometer that reads now_degC then, or nothing (NaN).
 
-    A body follows its thermometer by tau dT/dt = T_read - T (docs/effects.md eq. 10), exactly where a reading holds to
-    the next. now_degC: NaN where there is none. read_degC: NaN before the first of a segment, where the two are one.
+    It follows by tau dT/dt = T_read - T (docs/effects.md eq. 10), exactly along the straight line from reading to
+    reading; where one is missing, as if the last one held, until the next tells. A time that does not go forward is
+    another clock's, and how long the body has been there nobody knows: it is as warm as it is read, as at first.
     """
-    if math.isnan(read_degC):
+    acts, read, acted, since = body
+    if math.isnan(read) or not dt_s > 0.0:
         if math.isnan(now_degC):
-            return acts_degC, now_degC
-        return now_degC, now_degC
-    held_degC = now_degC
+            return Body(acts, now_degC, acts, 0.0)
+        return Body(now_degC, now_degC, now_degC, 0.0)
+    since = since + dt_s
+    fades = 0.0
+    if lag_s > 0.0:
+        fades = math.exp(-since / lag_s)
     if math.isnan(now_degC):
-        held_degC = read_degC
-    if lag_s <= 0.0:
-        return held_degC, held_degC
-    return read_degC + (acts_degC - read_degC) * math.exp(-dt_s / lag_s), held_degC
+        return Body(read + (acted - read) * fades, read, acted, since)
+    behind = lag_s * (now_degC - read) / since
+    acts = now_degC - behind + (acted - read + behind) * fades
+    return Body(acts, now_degC, acts, 0.0)
 
 
 def last_known(before: Columns, now: Columns) -> Columns:

@@ -16,23 +16,44 @@ ONE = np.zeros(TIME.size, dtype=np.int64)
 
 
 def test_a_step_is_followed_by_the_exponential() -> None:
-    """Three time constants behind a step of 10 K a body has 95 % of it."""
+    """Three time constants behind a step of 10 K, which comes between two readings, a body has 95 % of it."""
     read = np.where(TIME < 100.0, 20.0, 30.0)
     acts = acting_temperature(TIME, ONE, read, 40.0)
     later = TIME >= 100.0
     assert np.all(acts[~later] == 20.0)
-    assert acts[later] == pytest.approx(30.0 - 10.0 * np.exp(-(TIME[later] - 100.0) / 40.0), abs=1e-12)
+    assert acts[later] == pytest.approx(30.0 - 10.0 * np.exp(-(TIME[later] - 99.75) / 40.0), abs=1e-3)
 
 
 def test_it_is_the_solution_of_the_equation() -> None:
     """Steps of a millisecond along the differential equation come to the same, for any course of the readings."""
     read = 25.0 + 8.0 * np.sin(TIME / 17.0) + 0.01 * TIME
     body, found = float(read[0]), []
-    for reading in read.tolist():
+    for reading, following in zip(read.tolist(), [*read[1:].tolist(), 0.0], strict=True):
         found.append(body)
-        for _ in range(500):
-            body += 1.0e-3 * (reading - body) / 60.0
+        for step in range(500):
+            body += 1.0e-3 * (reading + (following - reading) * (step + 0.5) / 500.0 - body) / 60.0
     assert acting_temperature(TIME, ONE, read, 60.0) == pytest.approx(found, abs=1e-4)
+
+
+def test_readings_that_come_seldom_are_joined_by_straight_lines() -> None:
+    """One in 10 s, or none for a minute: behind the next one the body is where all readings would have had it."""
+    read = 25.0 + 8.0 * np.sin(TIME / 60.0)
+    seldom = np.where(np.arange(TIME.size) % 20 == 0, read, math.nan)
+    seldom[(TIME > 100.0) & (TIME < 160.0)] = math.nan
+    whole, found = acting_temperature(TIME, ONE, read, 40.0), acting_temperature(TIME, ONE, seldom, 40.0)
+    told = np.isfinite(seldom)
+    assert np.max(np.abs(found - whole)[told & (TIME < 100.0)]) < 0.02
+    assert np.max(np.abs(found - whole)[told & (TIME > 160.0)]) < 0.5
+    assert np.max(np.abs(found - whole)[told & (TIME > 280.0)]) < 0.03
+
+
+def test_rows_that_are_lost_leave_the_body_where_it_is() -> None:
+    """A gap begins a segment, and the clock goes on: six seconds move a body of 300 s by a fiftieth of the way."""
+    read = 20.0 + 0.05 * TIME
+    kept = (TIME < 150.0) | (TIME >= 156.0)
+    segment = (TIME >= 156.0).astype(np.int64)
+    whole = acting_temperature(TIME, ONE, read, 300.0)
+    assert acting_temperature(TIME[kept], segment[kept], read[kept], 300.0) == pytest.approx(whole[kept], abs=1e-9)
 
 
 def test_without_a_lag_it_is_what_was_read_last() -> None:
@@ -60,10 +81,11 @@ def test_the_online_filter_has_the_same() -> None:
     whole = acting_temperature(time, segment, read, 7.0)
     gatherer, last, part = Gatherer(remembers=False, temperature_lag_s=7.0), -math.inf, -1
     for i in range(400):
-        if segment[i] != part:
+        begins = segment[i] != part
+        if begins:
             gatherer.restart()
-            part, last = int(segment[i]), -math.inf
-        if time[i] > last:
+            part = int(segment[i])
+        if begins or time[i] > last:
             step = time[i] - last if math.isfinite(last) else 1.0
             gatherer.note(WheelSample(time[i], 0.0, temperature_degC=float(read[i])), 0.0, step)
             last = time[i]

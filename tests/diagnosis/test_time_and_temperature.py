@@ -66,3 +66,14 @@ def test_a_filter_follows_what_its_model_does_not_know() -> None:
     assert run.statistics.rejected + run.statistics.reseeded <= 6
     assert 0.8 < run.statistics.nis_sum / run.statistics.used < 1.2
     assert any("what the model given does not know" in text for text in run.warnings)
+
+
+def test_a_change_in_the_model_hides_no_other_in_the_next_record() -> None:
+    """What came and stayed is an offset there, and the next step is told as one."""
+    first = diagnosed(wheel_log(3, torque=lambda t: 0.1 * COULOMB if t > 250.0 else 0.0))
+    assert first.verdict["effects"] == ["change"]
+    stayed = wheel_log(12, torque=lambda t: 0.1 * COULOMB)
+    assert diagnosed(stayed, first.model).verdict["kind"] == "adequate"
+    another = wheel_log(13, torque=lambda t: (0.1 if t < 300.0 else 0.25) * COULOMB)
+    again = diagnosed(another, first.model)
+    assert again.verdict["effects"] == ["change"], again.verdict["statement"]

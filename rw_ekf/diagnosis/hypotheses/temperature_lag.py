@@ -17,7 +17,6 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.conditions import filled
 from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, TemperatureLag
@@ -33,55 +32,59 @@ from rw_ekf.model.effect_kinds import FormulaEffect
 _SHORTEST_S = 2.0  # tried: friction does not tell a shorter lag from none, and a longer one goes on from it
 _FACTOR = 2.5  # between lags that are tried
 _STEPS = (0.1, 0.02)  # of the logarithm of a lag, and of the temperature's range: over which a likelihood bends
+_AHEAD = 0.5  # of the temperature's range, by which a body may be ahead where a log begins: one sigma
+_EVALUATIONS = 60  # of the likelihood, for each number that is sought
 _FLAT = 1.0e-3  # of a log-likelihood over a step: flatter tells no width
 
 
 def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
     """The record with the temperature that acts late, where that makes laws of it likelier beyond doubt.
 
-    As it is without a logged temperature, and where the model given knows of a lag, or of none that it needs.
+    As it is without a logged temperature, and where the model given has laws of a temperature that has no lag; with a
+    lag of the model's it is asked how warm the body was when each log began, and no more.
     """
-    terms = _laws(prepared)
+    if prepared.temperature_lag is not None:
+        return _as_warm_as_likely(prepared, prepared.temperature_lag)
+    laws = [terms for terms in (_laws(prepared, which) for which in (-1, 0)) if terms]
     given = prepared.base.model.effects.ids
-    if prepared.temperature_lag is not None or not terms or any(term.id in given for term in terms):
+    if not laws or any(term.id in given for term in laws[0]):
         return prepared
     advance("asking how late friction follows the temperature")
     part = slower(prepared)
-    fitted = _Lagged(part, part.base.refitted(part.base.model.with_terms(*terms)))
+    ways = [_Lagged(part, part.base.refitted(part.base.model.with_terms(*terms))) for terms in laws]
+    fitted = ways[0]
     duration_s = float(prepared.course.time_s[-1] - prepared.course.time_s[0])
     lags = _SHORTEST_S * _FACTOR ** np.arange(math.ceil(math.log(max(duration_s / _SHORTEST_S, 1.0), _FACTOR)) + 1)
-    values = [fitted.value(lag_s) for lag_s in lags]
+    values = [fitted.value(TemperatureLag(lag_s)) for lag_s in lags.tolist()]
     best = int(np.argmax(values))
     without = max(fitted.begun.likelihood.value, part.base.likelihood.value)
     if not 0 < best < lags.size - 1 or values[best] - without < -math.log(UNDOUBTED_P):
         return prepared
-    late = at_lag(prepared, _likeliest(fitted, float(lags[best])))
+    here = TemperatureLag(float(lags[best]))
+    found = max(ways, key=lambda way: way.value(here)).likeliest(here)
+    late = at_lag(prepared, found)
     # Behind a lag as long as the record any temperature is a slow function of time, and a drift is likelier than a lag.
-    return prepared if one_and_the_same(late.base, "time", "temperature") else late
+    is_drift = found.value_s > 0.5 * duration_s and one_and_the_same(late.base, "time", "temperature")
+    return prepared if is_drift else late
 
 
-def _likeliest(fitted: _Lagged, near_s: float) -> TemperatureLag:
-    """The likeliest lag near one [s], and by how much the body was ahead of its thermometer to begin with.
-
-    A record may begin in the middle of a cycle. As far as the temperature went is a standard deviation of that.
-    """
-    from scipy.optimize import minimize
-
-    def loss(at: Float64Array) -> float:
-        return 0.5 * float(at[1]) ** 2 - fitted.value(math.exp(at[0]), float(at[1]) * fitted.range_K)
-
-    first = np.array([math.log(near_s), 0.0])
-    simplex = first + np.array([[0.0, 0.0], [_STEPS[0], 0.0], [0.0, _STEPS[1]]])
-    found = minimize(
-        loss, first, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 0.1}
-    )
-    return TemperatureLag(math.exp(found.x[0]), ahead_K=float(found.x[1]) * fitted.range_K)
+def _as_warm_as_likely(prepared: Prepared, lag: TemperatureLag) -> Prepared:
+    """The record of a model with a lag, the body as warm where each log began as makes that model likeliest."""
+    if not prepared.temperature_is_logged or not any(goes_with_temperature(t) for t in prepared.base.model.terms):
+        return prepared
+    part = slower(prepared)
+    return at_lag(prepared, _Lagged(part, part.base).likeliest(lag, moves=False))
 
 
-def _laws(prepared: Prepared) -> list[Term]:
-    """A law for each thing that may go with the temperature, as a lubricant's does where it may follow several."""
+def goes_with_temperature(term: Term) -> bool:
+    """Whether an effect in use is a function of the temperature."""
+    return "temperature_degC" in term.effect.needs or (term.law is not None and term.law.quantity == "temperature")
+
+
+def _laws(prepared: Prepared, which: int) -> list[Term]:
+    """A law for each thing that may go with the temperature: of several that it may follow the first, or the last."""
     return [
-        Term.at(effect, effect.starts(Candidate(0.0, NO_SHAPE), 0.0)[-1])
+        Term.at(effect, effect.starts(Candidate(0.0, NO_SHAPE), 0.0)[which])
         for effect in CATALOGUE.values()
         if "temperature_degC" in effect.needs and effect.untestable(prepared.facts) is None
         if not issubclass(effect, FormulaEffect)
@@ -90,14 +93,19 @@ def _laws(prepared: Prepared) -> list[Term]:
 
 def at_lag(prepared: Prepared, lag: TemperatureLag) -> Prepared:
     """The same with a temperature that follows the log's with this lag."""
-    acts = _acting(prepared, lag.value_s, lag.ahead_K)
+    acts = _acting(prepared, lag)
     facts = replace(prepared.facts, temperature_range_K=float(np.ptp(acts)))
     whole, fit_part, heldout = (
         _with(record, acts) for record in (prepared.record, prepared.fit_part, prepared.heldout)
     )
+    base = prepared.base
+    if any(goes_with_temperature(term) for term in base.model.terms):
+        base = _anew(base, whole)
+    else:
+        base = replace(base, linearised=replace(base.linearised, record=whole))
     return replace(
         prepared, course=prepared.course._replace(temperature_degC=acts), facts=facts, record=whole,
-        fit_part=fit_part, heldout=heldout, base=_on(prepared.base, whole), _of_fit={}, temperature_lag=lag,
+        fit_part=fit_part, heldout=heldout, base=base, _of_fit={}, temperature_lag=lag,
     )  # fmt: skip
 
 
@@ -110,49 +118,88 @@ def width_of(prepared: Prepared, fit: Fit) -> tuple[TemperatureLag, Float64Array
     lag = prepared.temperature_lag
     assert lag is not None
     fitted = _Lagged(prepared, fit)
-    log, ahead = math.log(lag.value_s), lag.ahead_K / fitted.range_K
+    here = fitted.place_of(lag)
+    along = np.diag(fitted.steps)
 
     def at(way: Float64Array) -> Fit:
-        return fitted.at(math.exp(log + way[0] * _STEPS[0]), (ahead + way[1] * _STEPS[1]) * fitted.range_K)
+        return fitted.at(fitted.lag_at(here + way, lag))
 
-    along = np.eye(2)
     fits = [(at(way), at(-way)) for way in along]
     values = np.array([[end.likelihood.value - fit.likelihood.value for end in ends] for ends in fits])
-    corner = at(along.sum(axis=0)).likelihood.value - fit.likelihood.value
     bent = np.diag(np.maximum(-values.sum(axis=1), _FLAT))
-    bent[0, 1] = bent[1, 0] = -(corner - values[:, 0].sum())
-    if np.linalg.det(bent) <= 0.0:
+    for i in range(1, here.size):  # what logs were ahead by says nothing of each other
+        corner = at(along[0] + along[i]).likelihood.value - fit.likelihood.value
+        bent[0, i] = bent[i, 0] = -(corner - values[0, 0] - values[i, 0])
+    if np.linalg.eigvalsh(bent)[0] <= 0.0:
         bent = np.diag(np.diag(bent))
     covariance = np.linalg.inv(bent)
     off = covariance @ (0.5 * (values[:, 0] - values[:, 1]))
     covariance += np.outer(off, off)
     slopes = np.array([0.5 * (up.model.vector - down.model.vector) for up, down in fits])
-    std_s = lag.value_s * _STEPS[0] * math.sqrt(covariance[0, 0])
+    std_s = lag.value_s * fitted.steps[0] * math.sqrt(covariance[0, 0])
     return lag._replace(std_s=std_s), slopes.T @ covariance @ slopes
 
 
 class _Lagged:
-    """A model with laws of the temperature, fitted at any lag from where it stands."""
+    """A model with laws of the temperature, fitted at any lag from where it stands.
+
+    A place is the logarithm of the lag, and for each log what the body was ahead by, in ranges of the temperature.
+    """
 
     def __init__(self, prepared: Prepared, begun: Fit) -> None:
         self.begun = begun
-        self.range_K = max(float(np.ptp(_acting(prepared, 0.0, 0.0))), 1.0e-6)
         self._prepared = prepared
+        self._range_K = max(float(np.ptp(_acting(prepared, TemperatureLag(0.0)))), 1.0e-6)
+        self._logs = int(prepared.source.log_of.max(initial=0)) + 1
+        self.steps = np.array([_STEPS[0], *(_STEPS[1:] * self._logs)])
 
-    def at(self, lag_s: float, ahead_K: float = 0.0) -> Fit:
-        """The fit at a lag [s], of a body that was ahead by so much."""
-        record = _with(self.begun.problem.record, _acting(self._prepared, lag_s, ahead_K))
-        return _on(self.begun, record, anew=True)
+    def at(self, lag: TemperatureLag) -> Fit:
+        """The fit at a lag."""
+        return _anew(self.begun, _with(self.begun.problem.record, _acting(self._prepared, lag)))
 
-    def value(self, lag_s: float, ahead_K: float = 0.0) -> float:
+    def value(self, lag: TemperatureLag) -> float:
         """Log-likelihood there."""
-        return self.at(lag_s, ahead_K).likelihood.value
+        return self.at(lag).likelihood.value
+
+    def place_of(self, lag: TemperatureLag) -> Float64Array:
+        """Where a lag is."""
+        ahead = lag.ahead_K or (0.0,) * self._logs
+        return np.array([math.log(lag.value_s), *(ahead_K / self._range_K for ahead_K in ahead)])
+
+    def lag_at(self, place: Float64Array, like: TemperatureLag) -> TemperatureLag:
+        """What is at a place."""
+        ahead = tuple(float(share) * self._range_K for share in place[1:])
+        return like._replace(value_s=math.exp(place[0]), ahead_K=ahead)
+
+    def likeliest(self, near: TemperatureLag, *, moves: bool = True) -> TemperatureLag:
+        """The likeliest lag near one, and what the body was ahead by; that alone where the lag does not move.
+
+        A record may begin in the middle of a cycle: half of what the temperature went through is a standard deviation.
+        """
+        from scipy.optimize import minimize
+
+        free = slice(0 if moves else 1, None)
+        first = self.place_of(near)
+
+        def placed(at: Float64Array) -> Float64Array:
+            place = first.copy()
+            place[free] = at
+            return place
+
+        def loss(at: Float64Array) -> float:
+            place = placed(at)
+            return 0.5 * float(np.sum((place[1:] / _AHEAD) ** 2)) - self.value(self.lag_at(place, near))
+
+        start = first[free]
+        simplex = np.vstack((start, start + np.diag(self.steps[free])))
+        options = {"initial_simplex": simplex, "xatol": 1e-4, "fatol": 0.1, "maxfev": _EVALUATIONS * start.size}
+        found = minimize(loss, start, method="Nelder-Mead", options=options)
+        return self.lag_at(placed(found.x), near)
 
 
-def _acting(prepared: Prepared, lag_s: float, ahead_K: float) -> Float64Array:
+def _acting(prepared: Prepared, lag: TemperatureLag) -> Float64Array:
     """The temperature that acts at the samples looked at, (n,)."""
-    course = prepared.source.course
-    acts = acting_temperature(course.time_s, course.segment, course.temperature_degC, lag_s, ahead_K)
+    acts = prepared.source.acting_temperature(lag.value_s, lag.ahead_K)
     return filled(acts, REFERENCE_DEGC)[0][prepared.kept]
 
 
@@ -160,8 +207,6 @@ def _with(record: Record, temperature_degC: Float64Array) -> Record:
     return replace(record, course=record.course._replace(temperature_degC=temperature_degC))
 
 
-def _on(fit: Fit, record: Record, *, anew: bool = False) -> Fit:
-    """A fit on a record of another temperature; as it stands where nothing in it goes with that."""
-    if anew:
-        return fit_model(fit.problem._replace(record=record), Start(fit.model, fit.trajectory, fit.noise))
-    return replace(fit, linearised=replace(fit.linearised, record=record))
+def _anew(fit: Fit, record: Record) -> Fit:
+    """The model of a fit fitted to a record of another temperature."""
+    return fit_model(fit.problem._replace(record=record), Start(fit.model, fit.trajectory, fit.noise))

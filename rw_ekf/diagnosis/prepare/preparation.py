@@ -35,7 +35,7 @@ from rw_ekf.likelihood.work import Work
 from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
-from rw_ekf.second_record import with_times_of_record
+from rw_ekf.second_record import with_times_of_record, without_past_changes
 from rw_ekf.starting_point import FilterSetup, setup_of_record, with_open_phases
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.effect_table import EffectSet
@@ -64,7 +64,7 @@ class TemperatureLag(NamedTuple):
 
     value_s: float
     std_s: float = math.nan  # until it is told; 0 of a model's
-    ahead_K: float = 0.0  # by which the body is warmer than its thermometer where the record begins
+    ahead_K: tuple[float, ...] = ()  # by which the body is warmer than its thermometer where each log begins
 
 
 @dataclass(eq=False, frozen=True)
@@ -206,7 +206,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         notes=notes,
         in_rpm=in_rpm,
         levels=levels,
-        temperature_lag=TemperatureLag(setup.temperature_lag_s, 0.0) if setup.temperature_lag_s > 0.0 else None,
+        temperature_lag=TemperatureLag(setup.temperature_lag_s, std_s=0.0) if setup.temperature_lag_s > 0.0 else None,
     )
 
 
@@ -215,6 +215,8 @@ def _set_up(
 ) -> tuple[Course, FilterSetup, float, tuple[str, ...]]:
     """Readings without gross errors and not too clean, the filter's setup, the readings' noise [rad/s], and notes."""
     course = source.course
+    if model is not None and model.temperature_lag_s > 0.0:
+        course = course._replace(temperature_degC=source.acting_temperature(model.temperature_lag_s))
     wrong = gross_errors(course.speed_rad_s, course.segment)
     notes: tuple[str, ...] = ()
     if wrong.any():
@@ -232,6 +234,7 @@ def _set_up(
         if model.effects.terms:
             refuse_runaway_model(source.log.name, course, setup, model)
         setup = with_times_of_record(with_conditions(course), replace(setup, prior=_aged(model)))
+        setup = without_past_changes(setup)
     noise = setup.constants.speed_noise_rad_s
     own = setup if configuration is None and model is None else setup_of_record(course)
     top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Complex128Array, Float64Array, Int64Array
+from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import running_time
 from rw_ekf.diagnosis.thresholds import (
@@ -50,16 +51,25 @@ class Source:
     timing_doubt_s: float  # by which a reading may be older than its row says
     columns: tuple[str, ...] = ()  # of the log, that the course has and a law may be a function of
 
+    def acting_temperature(self, lag_s: float, ahead_K: Sequence[float] = ()) -> Float64Array:
+        """The temperature that acts (n,), of each log by itself, where each began so much warmer than it was read."""
+        course, acts = self.course, np.empty(self.course.samples)
+        for number in range(int(self.log_of.max(initial=0)) + 1):
+            rows = self.log_of == number
+            time_s, segment, read = (
+                values[rows] for values in (course.time_s, course.segment, course.temperature_degC)
+            )
+            acts[rows] = acting_temperature(time_s, segment, read, lag_s, ahead_K[number] if ahead_K else 0.0)
+        return acts
+
     def document(self) -> dict[str, Any]:
         """The first keys of the diagnosis document; `logs` only where there are several."""
         found: dict[str, Any] = {"log": self.log.name, "samples": self.samples, "rate_hz": self.rate_hz}
         return found if len(self.parts) == 1 else found | {"logs": list(self.parts)}
 
 
-def source_of(logs: Sequence[WheelLog], given: Sequence[str] = (), temperature_lag_s: float = 0.0) -> Source:
-    """Look at the rows of each log, mend what is lost, and join them.
-
-    given: columns that a model asks for; temperature_lag_s: by which its temperature follows the log's.
+def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
+    """Look at the rows of each log, mend what is lost, and join them. given: columns that a model asks for.
 
     Raises LogError for wild values, and for a log that is given twice.
     """
@@ -78,7 +88,7 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = (), temperature_l
     doubts = [s.period_s for s in seen if s.refresh_s is not None]
     log = whole.log
     columns = _columns(log, given)
-    course = Course.of_log(_with_running_time(log), columns, temperature_lag_s)
+    course = Course.of_log(_with_running_time(log), columns)
     return Source(
         log=log,
         course=course,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.course.beyond import BeyondLaws
+from rw_ekf.course.conditions import of_lost_temperature
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.checks.event_agreement import percent_gained
 from rw_ekf.diagnosis.checks.heldout import Performance, gain_over, percent_better, performance
@@ -85,6 +86,9 @@ def _warnings(judged: Judged) -> list[str]:
         *prepared.source.notes,
         *prepared.source.log.warnings,
         *beyond.sentences(),
+        *of_lost_temperature(
+            prepared.source.course.time_s, prepared.source.course.temperature_degC, found.fit.model.effects
+        ),
         *prepared.setup.notes,
         *prepared.notes,
         *_left_out(prepared),
@@ -218,7 +222,13 @@ def described(fit: Fit, name: str) -> dict[str, Any]:
 def _lag_entry(prepared: Prepared) -> dict[str, Any]:
     """How late the temperature acts, among the parameters of a law of it; nothing where it is as it was read."""
     lag = prepared.temperature_lag
-    return {} if lag is None else {"temperature_lag_s": {"value": lag.value_s, "std": lag.std_s, "unit": "s"}}
+    if lag is None:
+        return {}
+    ahead = {
+        f"ahead_K{f'_{number}' if number > 1 else ''}": {"value": ahead_K, "std": None, "unit": "K"}
+        for number, ahead_K in enumerate(lag.ahead_K, start=1)
+    }
+    return {"temperature_lag_s": {"value": lag.value_s, "std": lag.std_s, "unit": "s"}, **ahead}
 
 
 def _tried(trial: Trial) -> dict[str, Any]:

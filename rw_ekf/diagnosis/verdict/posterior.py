@@ -13,7 +13,14 @@ from rw_ekf.diagnosis.checks.command_lines import chance_of_answer
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.thresholds import BESIDE, ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
+from rw_ekf.diagnosis.thresholds import (
+    BESIDE,
+    ELSE_BIAS,
+    ELSE_SLOPE,
+    INDISTINGUISHABLE,
+    NOISE_COUNTS,
+    TEMPERATURE,
+)
 from rw_ekf.diagnosis.verdict.explanations import NONE, Explanation
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, LEARNED
 from rw_ekf.effects.external_torque import ExternalTorque
@@ -78,7 +85,8 @@ def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
 
 
 def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:
-    rivals = {rival.name for rival in found.selection.rivals.get(name, ())}
+    # What is likelier than what stands by more than cannot be told was refused there, and speaks for nothing named.
+    rivals = {rival.name for rival in found.selection.rivals.get(name, ()) if rival.ahead < INDISTINGUISHABLE}
     if not issubclass(CATALOGUE[name], LawEffect):  # what a law without a formula may be is not what was named
         rivals = {other for other in rivals if not issubclass(CATALOGUE[other], LawEffect)}
     alike = {name, *rivals}

@@ -82,8 +82,10 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
 def lag_of(found: Found) -> str:
     """How late the temperature acts, in a subclause behind its laws; nothing where it is as it was read."""
     lag = found.prepared.temperature_lag
-    if lag is None:
+    if lag is None or not found.prepared.temperature_is_logged:
         return ""
+    if lag.std_s == 0.0:
+        return f"; the temperature that acts follows the log's with the lag of the model given, {lag.value_s:.4g} s"
     return f"; the temperature that acts follows the log's with a lag of {plus_minus(lag.value_s, lag.std_s)} s"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -28,7 +29,9 @@ from rw_ekf.diagnosis.verdict.sentences import (
 )
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.numbers import chance_text, p_text
+from rw_ekf.units import rpm_from_rad_s
 
+_FAR_OFF = 2.0  # times the readings' noise, by which a model that explains a record does not miss it
 _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 
 
@@ -181,8 +184,18 @@ def _what_is_left(shown: Evidence) -> str:
     some = [f"some dependence on {left[0].name} is left"] if left else []
     some += [f"what is left is not noise: {_told(shown.failed)}"] if shown.failed else []
     some += [shown.noisy] if shown.noisy is not None else []
-    nothing = "nothing is left in the residual" if shown.lattice is None else "nothing but the rounding is left"
-    return ", and ".join(some) or nothing
+    return ", and ".join(some) or _nothing_is_left(shown)
+
+
+def _nothing_is_left(shown: Evidence) -> str:
+    """That noise is all, one step ahead; with what the model misses by all the same where it runs free."""
+    if shown.lattice is not None:
+        return "nothing but the rounding is left"
+    noise_rpm = rpm_from_rad_s(math.sqrt(shown.found.fit.noise.variance))
+    missed = (shown.after.figures["free_run_rms_rpm"] or 0.0) / noise_rpm
+    if missed < _FAR_OFF:
+        return "nothing is left in the residual"
+    return f"nothing is left one step ahead, but run free it misses by {missed:.2g} times the readings' noise"
 
 
 def _another_record(found: Found, names: list[str]) -> str:
