@@ -85,8 +85,13 @@ def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
 
 
 def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:
-    # What is likelier than what stands by more than cannot be told was refused there, and speaks for nothing named.
-    rivals = {rival.name for rival in found.selection.rivals.get(name, ()) if rival.ahead < INDISTINGUISHABLE}
+    # What is likelier than what stands by more than cannot be told was refused there, and speaks for nothing named; but
+    # for what the record has as one with it by construction, which only waited.
+    rivals = {
+        rival.name
+        for rival in found.selection.rivals.get(name, ())
+        if rival.constructed or rival.ahead < INDISTINGUISHABLE
+    }
     if not issubclass(CATALOGUE[name], LawEffect):  # what a law without a formula may be is not what was named
         rivals = {other for other in rivals if not issubclass(CATALOGUE[other], LawEffect)}
     alike = {name, *rivals}
