@@ -61,7 +61,8 @@ def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
     if not 0 < best < lags.size - 1 or values[best] - without < -math.log(UNDOUBTED_P):
         return prepared
     here = TemperatureLag(float(lags[best]))
-    found = max(ways, key=lambda way: way.value(here)).likeliest(here)
+    # A wrong law is as likely at the wrong lag: each is taken to its own before they are compared.
+    found = max(((way, way.likeliest(here)) for way in ways), key=lambda item: item[0].worth(item[1]))[1]
     late = at_lag(prepared, found)
     # Behind a lag as long as the record any temperature is a slow function of time, and a drift is likelier than a lag.
     is_drift = found.value_s > 0.5 * duration_s and one_and_the_same(late.base, "time", "temperature")
@@ -161,6 +162,10 @@ class _Lagged:
         """Log-likelihood there."""
         return self.at(lag).likelihood.value
 
+    def worth(self, lag: TemperatureLag) -> float:
+        """The same, with what is known beforehand of how far a body may be ahead of its thermometer."""
+        return self.value(lag) - 0.5 * float(np.sum((self.place_of(lag)[1:] / _AHEAD) ** 2))
+
     def place_of(self, lag: TemperatureLag) -> Float64Array:
         """Where a lag is."""
         ahead = lag.ahead_K or (0.0,) * self._logs
@@ -187,8 +192,7 @@ class _Lagged:
             return place
 
         def loss(at: Float64Array) -> float:
-            place = placed(at)
-            return 0.5 * float(np.sum((place[1:] / _AHEAD) ** 2)) - self.value(self.lag_at(place, near))
+            return -self.worth(self.lag_at(placed(at), near))
 
         start = first[free]
         simplex = np.vstack((start, start + np.diag(self.steps[free])))
