@@ -11,6 +11,7 @@ with a law each for what may go with it: viscous friction, Coulomb friction, mot
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -45,9 +46,9 @@ def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
     """
     if prepared.temperature_lag is not None:
         return _as_warm_as_likely(prepared, prepared.temperature_lag)
-    laws = [terms for terms in (_laws(prepared, which) for which in (-1, 0)) if terms]
+    laws = _laws(prepared)
     given = prepared.base.model.effects.ids
-    if not laws or any(term.id in given for term in laws[0]):
+    if not laws[0] or any(term.id in given for term in laws[0]):
         return prepared
     advance("asking how late friction follows the temperature")
     part = slower(prepared)
@@ -61,8 +62,11 @@ def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
     if not 0 < best < lags.size - 1 or values[best] - without < -math.log(UNDOUBTED_P):
         return prepared
     here = TemperatureLag(float(lags[best]))
-    # A wrong law is as likely at the wrong lag: each is taken to its own before they are compared.
-    found = max(((way, way.likeliest(here)) for way in ways), key=lambda item: item[0].worth(item[1]))[1]
+    # A wrong law is as likely at the wrong lag: straight lines and exponentials are taken to their own, and then mixed.
+    apart = [(way, way.likeliest(here)) for way in (ways[0], ways[-1])]
+    own, found = max(apart, key=lambda item: item[0].worth(item[1]))
+    mixed = max(ways, key=lambda way: way.worth(found))
+    found = found if mixed is own else mixed.likeliest(found)
     late = at_lag(prepared, found)
     # Behind a lag as long as the record any temperature is a slow function of time, and a drift is likelier than a lag.
     is_drift = found.value_s > 0.5 * duration_s and one_and_the_same(late.base, "time", "temperature")
@@ -82,14 +86,17 @@ def goes_with_temperature(term: Term) -> bool:
     return "temperature_degC" in term.effect.needs or (term.law is not None and term.law.quantity == "temperature")
 
 
-def _laws(prepared: Prepared, which: int) -> list[Term]:
-    """A law for each thing that may go with the temperature: of several that it may follow the first, or the last."""
-    return [
-        Term.at(effect, effect.starts(Candidate(0.0, NO_SHAPE), 0.0)[which])
+def _laws(prepared: Prepared) -> list[tuple[Term, ...]]:
+    """A law for each thing that may go with the temperature, in every mixture of those that it may follow."""
+    effects = [
+        effect
         for effect in CATALOGUE.values()
         if "temperature_degC" in effect.needs and effect.untestable(prepared.facts) is None
         if not issubclass(effect, FormulaEffect)
     ]
+    starts = (dict.fromkeys(effect.starts(Candidate(0.0, NO_SHAPE), 0.0)) for effect in effects)
+    each = [[Term.at(effect, start) for start in some] for effect, some in zip(effects, starts, strict=True)]
+    return list(itertools.product(*each))
 
 
 def at_lag(prepared: Prepared, lag: TemperatureLag) -> Prepared:
