@@ -29,7 +29,7 @@ from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
 from rw_ekf.second_record import as_of_another_record, with_warmth_of_record
 from rw_ekf.shown import Shown
-from rw_ekf.starting_point import model_of, setup_of_record, without_effects
+from rw_ekf.starting_point import course_for, model_of, setup_of_record, without_effects
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of
 
@@ -173,7 +173,7 @@ def fit_record(
         ignored += [*prior.remarks, *([] if again is None else [again])]
     record = print_of(log)
     log, sampling = without_repeats(log)
-    course = Course.of_log(log, *((), 0.0) if prior is None else (prior.effects.columns, prior.temperature_lag_s))
+    course = course_for(log, prior)
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < _LEAST_READINGS:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rw_ekf.course.conditions import with_conditions
-from rw_ekf.course.course import Course
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.log_filter import filter_log, log_likelihood_of
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
 from rw_ekf.shown import Shown
-from rw_ekf.starting_point import setup_of_record
+from rw_ekf.starting_point import course_for, setup_of_record
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -103,8 +102,7 @@ def log_likelihood(model: WheelModel, log: WheelLog) -> float:
 
     Raises BadInputError for a log of which the filter uses nothing.
     """
-    alone = without_repeats(log)[0]
-    course = Course.of_log(alone, model.effects.columns, model.temperature_lag_s)
+    course = course_for(without_repeats(log)[0], model)
     setup = setup_of_record(course, None, model)
     run = filter_log(
         with_conditions(course), setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects,

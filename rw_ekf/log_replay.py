@@ -41,6 +41,7 @@ from rw_ekf.second_record import as_of_another_record, with_warmth_of_record
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import (
     FilterSetup,
+    course_for,
     model_of,
     setup_of_configuration,
     setup_of_record,
@@ -160,7 +161,7 @@ def replay_log(
     # A run goes on from its own start just as it went: every reading that it took then.
     log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
     known = setup if setup is not None else model
-    course = Course.of_log(log, *((), 0.0) if known is None else (known.effects.columns, known.temperature_lag_s))
+    course = course_for(log, known)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
     with_hindsight = setup is None and configuration is None

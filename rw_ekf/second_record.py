@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.course.acting_temperature import acting_temperature
+from rw_ekf.course.acting_temperature import AHEAD_SIGMA, acting_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.belief import Belief
@@ -39,7 +39,6 @@ _MOVED = 3.0  # sigmas by which a constant is another than the model's, to be to
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
 _DISAGREE_P = 1.0e-5
 _FREE = 100.0  # times the model's variances, to ask the log itself
-_AHEAD = 0.5  # of the temperature's range, by which a body may be ahead where a log begins: one sigma
 _NOISIER = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # times the model's torque noise
 _AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
 _SHORT = 1.0e-3  # of a reach: a step that is no step
@@ -63,6 +62,8 @@ def with_warmth_of_record(log: WheelLog, course: Course, setup: FilterSetup) -> 
     read, lag_s = log.channels.get("temperature_degC"), setup.temperature_lag_s
     if read is None or lag_s <= 0.0 or not np.isfinite(read).any():
         return course
+    if not any(term.goes_with_temperature for term in setup.effects.terms):
+        return course
     steady = replace(setup, constants=without_drift(setup.constants))
     range_K = max(float(np.ptp(read[np.isfinite(read)])), 1.0e-6)
 
@@ -71,7 +72,7 @@ def with_warmth_of_record(log: WheelLog, course: Course, setup: FilterSetup) -> 
         return course._replace(temperature_degC=acts)
 
     def loss(ahead: float) -> float:
-        return 0.5 * (ahead / _AHEAD) ** 2 - log_likelihood(filtered(warmer(ahead), steady), setup.constants.gate)
+        return 0.5 * (ahead / AHEAD_SIGMA) ** 2 - log_likelihood(filtered(warmer(ahead), steady), setup.constants.gate)
 
     from scipy.optimize import minimize_scalar  # takes long to import, and few models get here
 
@@ -140,20 +141,28 @@ def without_past_changes(setup: FilterSetup) -> FilterSetup:
     For a diagnosis, to which another change at another time is another answer. A torque that came and stayed is an
     offset.
     """
-    past = [term for term in setup.effects.terms if _is_change(term) and _is_level(term)]
-    stays = next((term for term in past if _level(term) != 0.0 and term.law.acts_as == "torque"), None)  # type: ignore[union-attr]
-    if stays is not None and TORQUE.id not in setup.effects.ids:
-        setup, past = _as_offset(setup, stays), [term for term in past if term is not stays]
+    levels = {term: level for term in setup.effects.terms if (level := _level_of(term)) is not None}
+    past = list(levels)
+    for term, level in levels.items():
+        is_torque = term.law is not None and term.law.acts_as == "torque"
+        if is_torque and level != 0.0 and TORQUE.id not in setup.effects.ids:
+            setup = _as_offset(setup, term, level)
+            past.remove(term)
     return _without(setup, past)
 
 
-def _as_offset(setup: FilterSetup, change: Term) -> FilterSetup:
+def _level_of(term: Term) -> float | None:
+    """What a change amounts to in a log in which nothing of it changes; None for what is no change, or changes."""
+    if term.law is None or not _is_change(term):
+        return None
+    values = term.law.functions[0]
+    return values[0] if min(values) == max(values) else None
+
+
+def _as_offset(setup: FilterSetup, change: Term, level: float) -> FilterSetup:
     """The setup with a constant torque where it had a change that has come."""
-    level, at = _level(change), 0
-    for term in setup.effects.state_terms:
-        if term is change:
-            break
-        at += len(term.values)
+    coefficients = [term for term in setup.effects.state_terms for _ in term.values]
+    at = coefficients.index(change)
     offset = Term.of(TORQUE, value=level * change.values[0], std=abs(level) * change.stds[0])
     effects = EffectSet(tuple(offset if term is change else term for term in setup.effects.terms))
     mean, covariance, place = setup.prior.mean.copy(), setup.prior.covariance.copy(), PARAMETERS.stop + at
@@ -165,24 +174,17 @@ def _as_offset(setup: FilterSetup, change: Term) -> FilterSetup:
     return replace(setup, effects=effects, prior=Belief(mean, covariance, tuple(ids)))
 
 
-def _level(term: Term) -> float:
-    return 0.0 if term.law is None else float(term.law.functions[0][-1])
-
-
-def _is_level(term: Term) -> bool:
-    return term.law is not None and all(min(values) == max(values) for values in term.law.functions)
-
-
 def _without(setup: FilterSetup, gone: list[Term]) -> FilterSetup:
+    """The setup without some terms; open is what they have moved by now."""
     if not gone:
         return setup
-    prior, leaves = setup.prior, {id(term) for term in gone}
-    stays = [id(term) not in leaves for term in setup.effects.state_terms for _ in term.values]
+    prior = setup.prior
+    stays = [term not in gone for term in setup.effects.state_terms for _ in term.values]
     places = [*range(PARAMETERS.stop), *(PARAMETERS.stop + at for at, kept in enumerate(stays) if kept)]
     ids = tuple(name for name, kept in zip(prior.effect_ids, stays, strict=False) if kept)
     values, covariance = Belief(prior.mean[places], prior.covariance[np.ix_(places, places)]).known(sum(stays))
     covariance += left_open(gone, prior.parameters, values.size)
-    effects = EffectSet(tuple(term for term in setup.effects.terms if id(term) not in leaves))
+    effects = EffectSet(tuple(term for term in setup.effects.terms if term not in gone))
     known = Belief.of_known(values, covariance, effects.table().size, effect_ids=ids)
     return replace(setup, effects=effects, prior=known)
 

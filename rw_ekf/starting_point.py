@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from rw_ekf.likelihood.log_fit import LogFit
     from rw_ekf.likelihood.noise_posterior import NoisePosterior
     from rw_ekf.likelihood.record_stribeck import StribeckHypothesis
+    from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
 
 DEFAULT_INERTIA_KG_M2 = 1.5e-3
@@ -155,12 +156,19 @@ def setup_of_record(
     course: Course, configuration: Configuration | None = None, model: WheelModel | None = None
 ) -> FilterSetup:
     """Start for a log: from the configuration if there is one, else from the model, else from the record itself."""
-    period = course.period_s
     if model is None:
         return _setup_of_record(course, configuration, None)
     logged = is_logged(course.angle_rad)
     setup = _setup_of_record(course, configuration, with_open_phases(model, angle_is_logged=logged))
-    return setup if logged else replace(setup, lost_angle_rate=setup.constants.speed_variance * period)
+    return setup if logged else replace(setup, lost_angle_rate=setup.constants.speed_variance * course.period_s)
+
+
+def course_for(log: WheelLog, known: WheelModel | FilterSetup | None) -> Course:
+    """A log's course with what a model, or a start, asks of it: the columns of its laws, the temperature that acts.
+
+    Raises LogError for a value that no machine can have.
+    """
+    return Course.of_log(log) if known is None else Course.of_log(log, known.effects.columns, known.temperature_lag_s)
 
 
 def _setup_of_record(course: Course, configuration: Configuration | None, model: WheelModel | None) -> FilterSetup:

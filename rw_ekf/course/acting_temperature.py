@@ -9,6 +9,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.wheel.interval import UNREAD, warmed
 
+AHEAD_SIGMA = (
+    0.5  # of the temperature's range, by which a body may be ahead where a log begins in the middle of a cycle
+)
+
 
 def acting_temperature(
     time_s: Float64Array, segment: Int64Array, read_degC: Float64Array, lag_s: float, ahead_K: float = 0.0

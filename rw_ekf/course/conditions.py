@@ -65,8 +65,7 @@ def filled_columns(columns: Float64Array) -> Float64Array:
 
 def of_lost_temperature(time_s: Float64Array, temperature_degC: Float64Array | None, effects: EffectSet) -> list[str]:
     """What is said of a temperature (n,) that a model goes with and a log has not, or has not for a while."""
-    needing = [term.id for term in effects.terms if "temperature_degC" in term.effect.needs]
-    needing += [term.id for term in effects.terms if term.law is not None and term.law.quantity == "temperature"]
+    needing = [term.id for term in effects.terms if term.goes_with_temperature]
     if not needing:
         return []
     named = ", ".join(dict.fromkeys(needing))

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.course.course import Course
 from rw_ekf.learning.carry import aged, carried_over
 from rw_ekf.logs.metadata import moment_of, utc_text
 from rw_ekf.logs.sampling import without_repeats
-from rw_ekf.starting_point import FilterSetup, model_of, setup_of_model, setup_of_record, setup_of_start
+from rw_ekf.starting_point import FilterSetup, course_for, model_of, setup_of_model, setup_of_record, setup_of_start
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class Starting:
 
 def first_start(log: WheelLog, configuration: Configuration | None, model: WheelModel | None) -> Starting:
     """The start of a wheel's first log: from the configuration, the model, or the log itself, in that order."""
-    course = Course.of_log(without_repeats(log)[0], () if model is None else model.effects.columns)
+    course = course_for(without_repeats(log)[0], model)
     given = None if model is None else carried_over(model)[0]
     setup = setup_of_record(course, configuration, given)
     return Starting(setup, setup, model_of(setup.prior, setup, {"method": "fleet"}))

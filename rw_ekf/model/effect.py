@@ -265,6 +265,11 @@ class Term:
         return math.hypot(*self.values)
 
     @property
+    def goes_with_temperature(self) -> bool:
+        """Whether it is a function of the temperature."""
+        return "temperature_degC" in self.effect.needs or (self.law is not None and self.law.quantity == "temperature")
+
+    @property
     def of_its_record(self) -> bool:
         """Whether it belongs to the clock of the record it was found in; a change may have come before another."""
         if self.law is None:

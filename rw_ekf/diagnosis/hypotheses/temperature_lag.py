@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.acting_temperature import AHEAD_SIGMA
 from rw_ekf.course.conditions import filled
 from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, TemperatureLag
@@ -33,7 +34,6 @@ from rw_ekf.model.effect_kinds import FormulaEffect
 _SHORTEST_S = 2.0  # tried: friction does not tell a shorter lag from none, and a longer one goes on from it
 _FACTOR = 2.5  # between lags that are tried
 _STEPS = (0.1, 0.02)  # of the logarithm of a lag, and of the temperature's range: over which a likelihood bends
-_AHEAD = 0.5  # of the temperature's range, by which a body may be ahead where a log begins: one sigma
 _EVALUATIONS = 60  # of the likelihood, for each number that is sought
 _FLAT = 1.0e-3  # of a log-likelihood over a step: flatter tells no width
 
@@ -75,15 +75,10 @@ def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
 
 def _as_warm_as_likely(prepared: Prepared, lag: TemperatureLag) -> Prepared:
     """The record of a model with a lag, the body as warm where each log began as makes that model likeliest."""
-    if not prepared.temperature_is_logged or not any(goes_with_temperature(t) for t in prepared.base.model.terms):
+    if not prepared.temperature_is_logged or not any(term.goes_with_temperature for term in prepared.base.model.terms):
         return prepared
     part = slower(prepared)
     return at_lag(prepared, _Lagged(part, part.base).likeliest(lag, moves=False))
-
-
-def goes_with_temperature(term: Term) -> bool:
-    """Whether an effect in use is a function of the temperature."""
-    return "temperature_degC" in term.effect.needs or (term.law is not None and term.law.quantity == "temperature")
 
 
 def _laws(prepared: Prepared) -> list[tuple[Term, ...]]:
@@ -107,7 +102,7 @@ def at_lag(prepared: Prepared, lag: TemperatureLag) -> Prepared:
         _with(record, acts) for record in (prepared.record, prepared.fit_part, prepared.heldout)
     )
     base = prepared.base
-    if any(goes_with_temperature(term) for term in base.model.terms):
+    if any(term.goes_with_temperature for term in base.model.terms):
         base = _anew(base, whole)
     else:
         base = replace(base, linearised=replace(base.linearised, record=whole))
@@ -171,7 +166,7 @@ class _Lagged:
 
     def worth(self, lag: TemperatureLag) -> float:
         """The same, with what is known beforehand of how far a body may be ahead of its thermometer."""
-        return self.value(lag) - 0.5 * float(np.sum((self.place_of(lag)[1:] / _AHEAD) ** 2))
+        return self.value(lag) - 0.5 * float(np.sum((self.place_of(lag)[1:] / AHEAD_SIGMA) ** 2))
 
     def place_of(self, lag: TemperatureLag) -> Float64Array:
         """Where a lag is."""

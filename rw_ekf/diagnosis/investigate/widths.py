@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.hypotheses.held_numbers import may_be_held, with_coefficient, with_constant
 from rw_ekf.diagnosis.hypotheses.onset import ONSET, held, moved
-from rw_ekf.diagnosis.hypotheses.temperature_lag import goes_with_temperature, width_of
+from rw_ekf.diagnosis.hypotheses.temperature_lag import width_of
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import STRIBECK
@@ -88,7 +88,7 @@ def with_known_lag(found: Found) -> Found:
     prepared, lag = found.prepared, found.prepared.temperature_lag
     if lag is None or not math.isnan(lag.std_s):
         return found
-    if not any(goes_with_temperature(term) for term in found.fit.model.terms):
+    if not any(term.goes_with_temperature for term in found.fit.model.terms):
         return replace(found, prepared=replace(prepared, temperature_lag=None))
     known, more = width_of(prepared, found.fit)
     reported = found.reported
