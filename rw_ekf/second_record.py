@@ -207,7 +207,8 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     """The setup with the law that this log makes likeliest, of an effect that may follow several with one coefficient.
 
     The record in which a model was found may have shown too little of a range to tell them apart; where this one does
-    not either, both are in the belief.
+    not either, both are in the belief. The log is asked by itself: the model's numbers are those that go with its own
+    law, and count for little where another one is likelier.
     """
     ways = [setup.effects]
     for i, term in enumerate(setup.effects.terms):
@@ -223,12 +224,15 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
             ]
     if len(ways) == 1:
         return setup
-    steady = replace(setup, constants=without_drift(setup.constants))
+    known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
+    steady = _widened(replace(setup, constants=without_drift(setup.constants)), known, _FREE)
     values = [
         log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate) for effects in ways
     ]
     open_ones = tuple(way for way, value in zip(ways, values, strict=True) if value > max(values) - _OPEN)
     likeliest = ways[int(np.argmax(values))]
+    if likeliest is not setup.effects:
+        setup = _widened(setup, known, _FREE)
     return replace(setup, effects=likeliest, effect_hypotheses=open_ones if len(open_ones) > 1 else ())
 
 

@@ -11,7 +11,9 @@ import rw_ekf
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.state import CK13_STATISTICAL, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.model_file import model_from_data
 
 
 def without_angle(effect: str, seed: int, begins_s: float = 0.0) -> WheelLog:
@@ -85,3 +87,18 @@ def test_a_periodic_torque_has_another_phase_in_the_next_record() -> None:
     run = replay_log(without_angle(torque, 4, 20.0), None, found.model)
     assert run.statistics.nis_sum / run.statistics.used == pytest.approx(1.0, abs=0.06)
     assert not any("external_torque" in text or "contradict" in text for text in run.warnings)
+
+
+def test_a_law_that_the_next_record_denies_leaves_no_sigmas_behind() -> None:
+    """A model of a straight line that was taken for an exponential: its numbers are those of the wrong law."""
+    line = "coulomb_temperature:slope_1_K=-0.01"
+    found = rw_ekf.diagnose(rw_ekf.simulate("identification", effects=[line], seed=5), progress=False)
+    assert found.model is not None
+    document = found.model.document()
+    document["effects"][0]["constants"]["law"] = 1.0
+    run = replay_log(
+        rw_ekf.simulate("identification", effects=[line], seed=6), None, model_from_data(document, lambda path: "model")
+    )
+    place = STATE_SIZE
+    assert abs(run.belief.mean[place] + 0.01) < 4.0 * run.belief.std[place]
+    assert abs(run.belief.parameters.coulomb - CK13_STATISTICAL.coulomb) < 4.0 * run.belief.parameter_std.coulomb
