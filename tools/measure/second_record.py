@@ -2,7 +2,8 @@
 
     python -m tools.measure.second_record --wheels 7 --first 500 [--kinds friction_lag drag_spike]
 
-Each wheel is diagnosed on one record (600 s of the identification profile, 1 rpm, 10 Hz, plant in steps of 0.2 ms);
+Wheels of an effect each, none of them like another: coverage over kinds that share a wheel's noise is one draw of it.
+Each is diagnosed on one record (600 s of the identification profile, 1 rpm, 10 Hz, plant in steps of 0.2 ms);
 `replay --model` and `fit --prior` then take that model to another, in which a spike begins 1.5 s (1 sigma) earlier or
 later. Judged are the four parameters (break-away friction not beside another Stribeck curve, which is a part of it) and
 the effect's size.
@@ -50,7 +51,7 @@ _WAYS = {"replay": "--model", "fit": "--prior"}
 
 def scores(kind: str, seed: int, directory: Path) -> dict[str, dict[str, float]]:
     """Errors in sigmas by number, for each way to take a model on; empty where the effect was not named."""
-    draws = np.random.default_rng([17, seed])
+    draws = np.random.default_rng([17, seed, list(KINDS).index(kind)])  # of a wheel and noise of its own
     usual, (viscous, coulomb) = PlantParameters(), draws.uniform(0.85, 1.15, 2)
     coulomb *= usual.coulomb
     wheel = usual._replace(viscous=usual.viscous * viscous, coulomb=coulomb, static=1.05 * coulomb)
