@@ -19,6 +19,7 @@ class CubicDrag(StaticEffect):
     coefficient = Coefficient("coefficient_s_rad2", "s/rad^2", -1.0e6, 1.0e6, "drag per cubed speed; above 0 brakes")
     excitation = "coast-downs from high speed: `rw-ekf excite identification`"
     shown_against = "speed"
+    smooth_over_speed = True
     confounded: ClassVar[dict[str, str]] = {"quadratic_drag": "a wider range of speeds"}
 
     @staticmethod

@@ -19,6 +19,7 @@ class QuadraticDrag(StaticEffect):
     coefficient = Coefficient("coefficient_1_rad", "1/rad", -1.0e3, 1.0e3, "drag per squared speed; above 0 brakes")
     excitation = "high speed with coast-downs: `rw-ekf excite identification`"
     shown_against = "speed"
+    smooth_over_speed = True
     confounded: ClassVar[dict[str, str]] = {
         "motor_saturation": "a coast-down from high speed without current",
         "cubic_drag": "a wider range of speeds",

@@ -11,8 +11,11 @@ from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.numbers import plus_minus
+from rw_ekf.units import rpm_from_rad_s
 
 _LAW_NAMES = {code: name for name, code in LAW_CODES.items()}
+# 0.1 m/s, the highest that is reported (Armstrong-Helouvry, Dupont & Canudas de Wit 1994, table 2), at 5 mm of radius.
+_LATEST_FILM_RAD_S = 20.0
 _LARGEST_SLOPE = 2.0 / math.e  # of Gauss's g by the logarithm of omega_s, at |omega| = omega_s
 
 
@@ -44,8 +47,8 @@ class StribeckShape(StribeckEffect):
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
-        """Half the top speed: a curve that is not over within the record is viscous or dry friction."""
-        return max(0.5 * facts.top_speed_rad_s, facts.stribeck_speed_rad_s)
+        """Half the top speed, where no bearing's film forms so late: what goes on beyond is a law of the speed."""
+        return max(min(0.5 * facts.top_speed_rad_s, _LATEST_FILM_RAD_S), facts.stribeck_speed_rad_s)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
@@ -75,11 +78,13 @@ class StribeckShape(StribeckEffect):
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
-        """In multiples of the configured speed."""
-        base = max(facts.stribeck_speed_rad_s, 1.0e-12)
-        times = plus_minus(value / base, std / base)
+        """In multiples of the configured speed, where one was."""
         law = int(shape[0])
         how = "" if law == facts.stribeck_law else f", by {_LAW_NAMES[law].capitalize()}'s law"
+        if facts.stribeck_is_open:
+            return f"Break-away friction fades at {plus_minus(value, std)} rad/s ({rpm_from_rad_s(value):.3g} rpm){how}"
+        base = max(facts.stribeck_speed_rad_s, 1.0e-12)
+        times = plus_minus(value / base, std / base)
         return f"Break-away friction fades at {times} times the configured Stribeck speed{how}"
 
     @classmethod

@@ -24,6 +24,7 @@ STRIBECK_SHARE_OF_TOP_SPEED = 0.02
 DEFAULT_STRIBECK_SPEED_RAD_S = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
 GAIN_BAND, COULOMB_BAND = (0.5, 2.0), (0.33, 2.5)  # of [CK13]'s wheel: another of its class lies within
+MOST_VISCOUS = 10.0  # likewise: a motor that is fed a voltage brakes itself a thousand times as much
 _TELLS_NOTHING = 1.0e3  # condition of current, speed and direction: at constant speed they are one and the same
 
 
@@ -237,8 +238,8 @@ def _window(y: Float64Array, noise: float) -> int:
 
 def _like_default(rough: FrictionParameters, speed_noise: float | None) -> bool:
     """Within a factor of about two of [CK13]'s wheel in gain and Coulomb friction, and of its kind in noise."""
-    k, _, c, _ = CK13_STATISTICAL
+    k, b, c, _ = CK13_STATISTICAL
     gain = GAIN_BAND[0] < rough.motor_gain / k < GAIN_BAND[1]
-    friction = COULOMB_BAND[0] < rough.coulomb / c < COULOMB_BAND[1]
+    friction = COULOMB_BAND[0] < rough.coulomb / c < COULOMB_BAND[1] and rough.viscous < MOST_VISCOUS * b
     noise = speed_noise is None or 0.05 * RAD_S_PER_RPM < speed_noise < 30.0 * RAD_S_PER_RPM
     return gain and friction and noise

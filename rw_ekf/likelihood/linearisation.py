@@ -14,7 +14,7 @@ from rw_ekf.likelihood.levels import Integrated
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.likelihood.unknown_past import variance_of_past
-from rw_ekf.likelihood.whitening import Chain, whiten
+from rw_ekf.likelihood.whitening import Chain, innovations_of, whiten
 from rw_ekf.likelihood.work import whitening_units
 from rw_ekf.model.state import SPEED
 
@@ -40,11 +40,8 @@ class Linearisation:
 
     @cached_property
     def innovation_at(self) -> NDArray[np.intp]:
-        """Samples that have an innovation, whatever the noises: those read, but the first of each stretch."""
-        n = self.chain.reading.size
-        r, none = np.full(n, np.nan), np.zeros((n, 0))
-        whiten(self.chain, none, none[:0], 0.0, 1.0, r, none, none[:0])
-        return np.flatnonzero(np.isfinite(r))
+        """Samples that have an innovation, whatever the noises."""
+        return innovations_of(self.chain)
 
     def whitened(
         self, ratio: float, scale: float, jacobian: Float64Array, memory_jacobian: Float64Array | None = None

@@ -18,7 +18,14 @@ from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.record_scale import COULOMB_BAND, DEFAULT_STRIBECK_SPEED_RAD_S, GAIN_BAND, RecordScale, busiest
+from rw_ekf.identify.record_scale import (
+    COULOMB_BAND,
+    DEFAULT_STRIBECK_SPEED_RAD_S,
+    GAIN_BAND,
+    MOST_VISCOUS,
+    RecordScale,
+    busiest,
+)
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, FrictionParameters
 
@@ -26,6 +33,7 @@ _SAMPLES = 8_000  # enough for torque noise to a tenth of itself
 _SAMPLES_OF_CLEAR_CASE = 1_000
 _FEWEST = 100
 _SAYS_NOTHING = 10.0  # values, as the standard deviation of a prior
+_HELD_AMONG = PARAMETER_NAMES.index("static")  # break-away friction goes with Coulomb's
 _HELD = 1.0e-8  # of a value, as the standard deviation of a prior that holds it
 _CLEARLY = 20.0  # log-likelihood
 _STRIBECK_RATIOS = (0.0625, 0.25, 1.0, 4.0)  # of a guess, where a search begins
@@ -82,9 +90,9 @@ def noise_of_record(
 def is_foreign(course: Course, scale: RecordScale) -> bool:
     """Whether a record that does not look like the default wheel at first sight is clearly not one.
 
-    The four parameters are fitted with a prior so wide that it says nothing, and once more with motor gain and Coulomb
-    friction held within the band of the default wheel's class. Foreign is what the band makes clearly less likely, each
-    fit at its own best noises: a wheel that hardly moves, whatever its best parameters, proves nothing.
+    The four parameters are fitted with a prior so wide that it says nothing, and once more with motor gain, viscous and
+    Coulomb friction held within the band of the default wheel's class. Foreign is what the band makes clearly less
+    likely, each fit at its own best noises: a wheel that hardly moves, whatever its best parameters, proves nothing.
     """
     part, little = busiest(course, _SAMPLES), busiest(course, _SAMPLES_OF_CLEAR_CASE)
     if not _has_enough(part):
@@ -107,14 +115,15 @@ def _is_outside_band(part: Course, scale: RecordScale) -> bool:
     found = free.parameters
     held = found._replace(
         motor_gain=_within(found.motor_gain, CK13_STATISTICAL.motor_gain, GAIN_BAND),
+        viscous=min(found.viscous, MOST_VISCOUS * CK13_STATISTICAL.viscous),
         coulomb=_within(found.coulomb, CK13_STATISTICAL.coulomb, COULOMB_BAND),
     )
     held = held._replace(static=max(held.static, 1.03 * held.coulomb))
-    if (held.motor_gain, held.coulomb) == (found.motor_gain, found.coulomb):
+    if held[:_HELD_AMONG] == found[:_HELD_AMONG]:
         return False
     std = wide.copy()
     for place, (name, before, after) in enumerate(zip(PARAMETER_NAMES, found, held, strict=True)):
-        if name in {"motor_gain", "coulomb"} and before != after:
+        if name != "static" and before != after:
             std[place] = _HELD * abs(after)
     like_a_wheel = _best(part, scale, [held, CK13_STATISTICAL], np.array(held), std)
     return like_a_wheel is None or free.fit.likelihood.value - like_a_wheel.fit.likelihood.value > _CLEARLY

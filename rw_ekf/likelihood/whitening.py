@@ -18,6 +18,7 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from rw_ekf.compiled import Kernel
@@ -98,6 +99,13 @@ def _add(sums: Float64Array, carried: Float64Array, left: float, weight: float) 
             sums[j, k] += weighted * carried[k]
         sums[m, j] += weighted * left
     sums[m, m] += left * left * weight
+
+
+def innovations_of(chain: Chain) -> NDArray[np.intp]:
+    """Samples that have an innovation: those read, but the first of each stretch, which starts it."""
+    read = np.flatnonzero(~np.isnan(chain.reading))
+    stretch = np.cumsum(~chain.follows)[read]
+    return np.asarray(read[1:][stretch[1:] == stretch[:-1]])
 
 
 def whiten(

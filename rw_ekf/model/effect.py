@@ -107,6 +107,7 @@ class Effect(ABC):
     analytic: ClassVar[bool] = True  # the flow gives its slope
     in_state: ClassVar[bool] = True  # False: no filter can learn it sample by sample
     shown_against: ClassVar[str] = ""  # the quantity of the report's picture that it is a function of
+    smooth_over_speed: ClassVar[bool] = False  # a drag that only the size of the speed decides, at all speeds
     acts_as: ClassVar[ActsAs] = "torque"  # what that function is: a torque, or a share of friction or drive
     components: ClassVar[int] = 1  # coefficients of one term
     repeats: ClassVar[bool] = False  # a model may have several terms of it, told apart by the first shape constant

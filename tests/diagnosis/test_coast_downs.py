@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from tests.diagnosis.coast_downs import Drag, between, coast_down, cubic, event
 
@@ -48,3 +52,45 @@ def test_an_event_in_a_coast_down_has_its_onset_size_and_decay(steady: Drag) -> 
     assert found["onset_s"]["value"] == pytest.approx(90.0, abs=1.0)
     assert found["amplitude_rad_s2"]["value"] == pytest.approx(0.06, rel=0.05)
     assert found["decay_s"]["value"] == pytest.approx(80.0, rel=0.05)
+
+
+def _saturating(w: float, t: float) -> float:
+    return 0.45 + 0.0011 * w + 0.25 * math.tanh(w / 60.0)
+
+
+def _root(w: float, t: float) -> float:
+    return 0.4 + 0.0008 * w + 0.012 * math.sqrt(max(w, 0.0))
+
+
+def _logarithm(w: float, t: float) -> float:
+    return 0.5 + 0.001 * w + 0.12 * math.log1p(max(w, 0.0) / 20.0)
+
+
+def _power(w: float, t: float) -> float:
+    return 0.5 + 0.0012 * w + 0.6 * math.pow(max(w, 0.0) / 300.0, 1.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drag", [_saturating, _root, _logarithm, _power])
+def test_a_drag_that_has_no_name_is_a_law_of_the_speed_and_its_curve_is_known(drag: Drag) -> None:
+    """No drift, no Stribeck speed of a thousand rpm, no square less a cube: what goes with time and speed is drag."""
+    moving = int(np.argmax(coast_down(drag, 31, start=380.0, samples=9000).speed_rad_s < 1.0))
+    document = diagnose_log(coast_down(drag, 31, start=380.0, samples=moving)).document()
+    named = set(document["verdict"]["effects"])  # the power is a square, and what it is less
+    assert {"learned_law"} <= named <= {"learned_law", "quadratic_drag"}, document["verdict"]["statement"]
+    found = next(c for c in document["candidates"] if c["effect"] == "learned_law")["parameters"]
+    assert (found["quantity"]["value"], found["kind"]["value"]) == ("speed_size", "drag")
+    assert document["after"]["free_run_rms_rpm"] < 0.15
+    knots, curve, std = (np.array(found[name]["value"]) for name in ("knots", "values", "std"))
+    true = np.array([drag(float(w), 0.0) for w in knots])
+    if "quadratic_drag" in named:
+        square = next(c for c in document["candidates"] if c["effect"] == "quadratic_drag")["parameters"]
+        curve = curve + square["coefficient_1_rad"]["value"] * knots**2
+    seen = (knots > 20.0) & (knots < 360.0)
+    followed = np.column_stack((np.ones(seen.sum()), knots[seen]))  # by Coulomb and viscous friction
+
+    def bent(values: Float64Array) -> Float64Array:
+        return np.asarray(values - followed @ np.linalg.lstsq(followed, values, rcond=None)[0])
+
+    assert np.ptp(bent(curve[seen] - true[seen])) < 0.05 * np.ptp(bent(true[seen]))
+    assert np.median(std[seen]) < 0.1 * np.ptp(curve[seen])

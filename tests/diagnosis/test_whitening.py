@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.likelihood.whitening import Chain, adjoint, smooth, whiten
+from rw_ekf.likelihood.whitening import Chain, adjoint, innovations_of, smooth, whiten
 
 R, Q = 0.8, 0.3
 NONE = np.zeros((0, 0))
@@ -113,7 +113,7 @@ def test_whitening_is_generalised_least_squares(seed: int, memory: bool) -> None
         target += slopes.T @ np.linalg.solve(dense.of_readings, dense.error)
         read += list(first + dense.read)
     used = np.isfinite(r)
-    assert list(np.flatnonzero(used)) == read
+    assert list(np.flatnonzero(used)) == read == list(innovations_of(chain))
     assert count == len(read)
     sums = np.zeros((4, 4))
     again = whiten(chain, regressors, memory_regressors if memory else memory_regressors[:0], Q, R, r[:0], A[:0], sums)
@@ -123,6 +123,13 @@ def test_whitening_is_generalised_least_squares(seed: int, memory: bool) -> None
     assert logs == pytest.approx(determinant, rel=1e-10)
     assert np.allclose(A[used].T @ A[used], normal, rtol=1e-10)
     assert np.allclose(A[used].T @ r[used], target, rtol=1e-10)
+
+
+def test_where_innovations_are_does_not_hang_on_what_is_foretold() -> None:
+    """A model whose speed grows beyond all numbers between two readings has as many innovations as any other."""
+    chain = random_chain(5, memory=False)
+    wild = chain._replace(slopes=np.full(chain.slopes.shape, 1.0e200))
+    assert np.array_equal(innovations_of(wild), innovations_of(chain))
 
 
 def test_columns_without_memory_regressors_still_pass_through_the_memory() -> None:

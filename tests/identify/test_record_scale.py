@@ -10,6 +10,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.identify.record_scale import measure, speed_noise_of
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.starting_point import setup_of_record
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import fine_trajectory, run_of
 from tools.measure.runs import PUBLISHED, Run
@@ -51,6 +52,25 @@ def test_a_wheel_in_the_wrong_units_is_not_taken_for_the_default_wheel() -> None
     """The same wheel with its current in milliamperes is flagged."""
     run = run_of("P2", 2)
     assert not measure(Course.of(run.time_s, run.reading_rad_s, 1000.0 * run.current_A)).like_default_wheel
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_motor_fed_with_a_voltage_is_the_same_in_whatever_unit_that_is(seed: int) -> None:
+    """Volts saturate, act late and have a dead zone, so that no fit is good; a gain like a wheel's is chance then."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 14.0, 0.02)
+    volts = np.repeat(rng.uniform(0.5, 5.0, 28), 25)[: time_s.size]
+    late = np.concatenate((volts[:1], volts[:-1]))
+    acts = 3.2 * np.tanh(np.maximum(late - 0.3, 0.0) / 2.5)
+    speed = fine_trajectory(FrictionParameters(40.0, 2.0, 14.0, 17.0), time_s, acts, omega_s=0.5)
+    reading = np.round((speed + 0.3 * rng.standard_normal(time_s.size)) / 0.9) * 0.9
+    told = []
+    for per_volt in (1.0, 0.3, 0.1):
+        setup = setup_of_record(Course.of(time_s, reading, per_volt * volts))
+        assert setup.inertia_kg_m2 is None  # nobody knows it, and no torque is told
+        assert setup.fit_of_record is not None
+        told.append(np.array(setup.fit_of_record.parameters) * (per_volt, 1.0, 1.0, 1.0))
+    assert np.allclose(told, told[0], rtol=0.02)
 
 
 def test_readings_on_a_coarse_grid_have_the_grids_noise() -> None:

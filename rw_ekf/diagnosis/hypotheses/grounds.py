@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.beyond import beyond
-from rw_ekf.diagnosis.hypotheses.confounding import may_confound
+from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE, UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.likelihood.fitting import Fit
@@ -21,6 +21,7 @@ LAW_LOG_ODDS = UNNAMED_LOG_ODDS - CHOSEN_LOG  # of a law that no catalogue has, 
 BOTH_SIDES = ("speed", "current_along_motion")  # of zero, where the law may bend at once, or jump
 _LEAST_RANGE = {"temperature": 1.0}  # K
 _LEAST_VALUES = 8  # that a quantity has to have
+_OTHER_WAY = 1.0e-3  # of what a torque moves, against the motion: less is a wheel that turns one way
 
 
 @dataclass(eq=False, frozen=True)
@@ -90,12 +91,15 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
     edge = np.any([np.zeros(course.samples, dtype=bool), *(beyond(law, course) for law in known)], axis=0)
     # Without its mean a law makes up for that where the record never was: it is taken off only where it is another's.
     steady = (0,) if fit.model.of(TORQUE.id) else ()
+    both_ways = not _turns_one_way(drive, dry)  # else a torque is a drag, and the speed is its size
     yield Ground("speed_size", "drag", np.abs(speed), dry, (0, 1))
-    yield Ground("speed_size", "torque", np.abs(speed), drive, steady)
-    yield Ground("speed", "drag", speed, dry, (0, 1))
+    if both_ways:
+        yield Ground("speed_size", "torque", np.abs(speed), drive, steady)
+        yield Ground("speed", "drag", speed, dry, (0, 1))
     if facts.top_current_A > 0.0:
         yield Ground("speed_size", "motor_gain", np.abs(speed), gain)
-        yield Ground("speed", "motor_gain", speed, gain)
+        if both_ways:
+            yield Ground("speed", "motor_gain", speed, gain)
         yield Ground("current_along_motion", "drag", along, dry, (1,))
         yield Ground("current_size", "motor_gain", np.abs(current), gain)
         yield Ground("current_size", "torque", np.abs(current), drive, steady)
@@ -119,8 +123,21 @@ def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Gr
         yield Ground(quantity, "drag", values, dry * seen, column=name, slot=slot)
         yield Ground(quantity, "viscous_drag", values, viscous * seen, column=name, slot=slot)
         yield Ground(quantity, "windage", values, viscous * np.abs(speed) * seen, column=name, slot=slot)
-        yield Ground(quantity, "torque", values, drive * seen, steady, column=name, slot=slot)
+        if both_ways:
+            yield Ground(quantity, "torque", values, drive * seen, steady, column=name, slot=slot)
         if facts.top_current_A > 0.0:
             yield Ground(quantity, "motor_gain", values, gain * seen, column=name, slot=slot)
             if quantity == "time":
                 yield Ground(quantity, "current_loss", values, loss * seen, column=name, slot=slot)
+
+
+def _turns_one_way(drive: Float64Array, dry: Float64Array) -> bool:
+    """Whether a torque does what dry friction does, or the opposite, by their slopes (n,) of each prediction."""
+    moved = drive * drive
+    along = float(np.sum(moved[drive * dry < 0.0]))
+    return min(along, float(np.sum(moved)) - along) < _OTHER_WAY * float(np.sum(moved))
+
+
+def tells_time_from_speed(fit: Fit) -> bool:
+    """Whether a smooth law of time can be told from one of the speed, which holds at any time and goes first."""
+    return not one_and_the_same(fit, "time", "speed")

@@ -14,7 +14,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.changes import likeliest_change, likeliest_spell
-from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds
+from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds, tells_time_from_speed
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.prepare.preparation import Prepared
@@ -25,10 +25,14 @@ from rw_ekf.likelihood.structure import hats
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import TURN, Law
 
+Smooth = tuple[float, float]  # over how much of a range a law bends; as log(1 + x/that share of the range), or 0
+
 _HATS = 25  # with which a quantity is screened
 _KNOTS = 66  # of a law that is fitted; even, so that none is at zero speed, where a law may jump
+_SPEED_KNOTS = 132  # most friction changes most at low speeds
 _TURN_KNOTS = 385
-_SMOOTH = (1.0, 0.5, 0.25, 0.12)  # of the quantity's range, over which a law bends
+_SMOOTH: tuple[Smooth, ...] = ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (0.12, 0.0))
+_SMOOTH_OVER_SPEED: tuple[Smooth, ...] = (*_SMOOTH, (1.0, 0.05), (0.5, 0.05), (0.25, 0.05))
 _ORDERS = (2, 4, 8, 16)  # harmonics of the angle
 _LEAST_SHARE = 1.0e-6  # of a law's greatest variance: curves with less are left out
 _MOST_CURVES = 14
@@ -43,7 +47,7 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
     """The likeliest law of each ground beside a fitted model, the likeliest first."""
     profiled = Profiled(fit)
     taken = {term.law.number for term in fit.model.terms if term.law is not None}
-    found = []
+    found, has_a_clock = [], tells_time_from_speed(fit)
     for ground in grounds(fit, facts, columns):
         if ground.quantity == "time":
             spell = likeliest_spell(profiled, ground, facts)
@@ -51,6 +55,8 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
             if ground.acts_as == "drag":  # that goes with time otherwise is the catalogue's drift
                 continue
             found.append(likeliest_change(profiled, ground, facts))
+            if not has_a_clock:
+                continue
         law = _angle_law(profiled, ground) if ground.turned is not None else _smooth_law(profiled, ground)
         if law is not None and law.term.law is not None and law.term.law.number not in taken:
             found.append(law)
@@ -74,13 +80,16 @@ def _smooth_law(profiled: Profiled, ground: Ground) -> Nameless | None:
     """The likeliest smooth law of a ground, over all smoothnesses."""
     low, high = ground.range
     columns = ground.slope[:, None] * hats(ground.at, _HATS, low, high)
-    count = _KNOTS + (ground.quantity == "current_along_motion")  # which is nothing at zero, and may bend there
+    of_speed = ground.quantity in {"speed", "speed_size"}
+    smooths = _SMOOTH_OVER_SPEED if of_speed else _SMOOTH
+    count = _SPEED_KNOTS if of_speed else _KNOTS
+    count += ground.quantity == "current_along_motion"  # which is nothing at zero, and may bend there
     places, knots = np.linspace(low, high, _HATS), np.linspace(low, high, count)
-    roots = [_root(_unfollowed(_covariance(ground, places, smooth), ground, places)) for smooth in _SMOOTH]
+    roots = [_root(_unfollowed(_covariance(ground, places, smooth), ground, places)) for smooth in smooths]
     if not all(root.size for root in roots):
         return None
     number, deviation, factor = _likeliest(profiled, columns, roots)
-    functions, stds = _curves(_unfollowed(_covariance(ground, knots, _SMOOTH[number]), ground, knots))
+    functions, stds = _curves(_unfollowed(_covariance(ground, knots, smooths[number]), ground, knots))
     return Nameless(ground, factor, _term(ground.law(low, high, functions, deviation * stds)))
 
 
@@ -121,9 +130,13 @@ def _term(law: Law) -> Term:
     return Term(LEARNED, nothing, nothing, law=law)
 
 
-def _covariance(ground: Ground, places: Float64Array, smooth: float) -> Float64Array:
+def _covariance(ground: Ground, places: Float64Array, smooth: Smooth) -> Float64Array:
     """Matern 5/2 of unit variance. Either side of zero is its own; of a current both begin with nothing there."""
-    length = smooth * float(np.ptp(np.abs(places) if ground.quantity in BOTH_SIDES else places))
+    share, knee = smooth
+    sides = np.sign(places)
+    if knee:
+        places = sides * np.log1p(np.abs(places) / (knee * float(np.max(np.abs(places)))))
+    length = share * float(np.ptp(np.abs(places) if ground.quantity in BOTH_SIDES else places))
 
     def alike(apart: Float64Array) -> Float64Array:
         scaled = math.sqrt(5.0) * np.abs(apart) / length
@@ -134,7 +147,7 @@ def _covariance(ground: Ground, places: Float64Array, smooth: float) -> Float64A
         return found
     if ground.quantity == "current_along_motion":
         found = found - np.outer(alike(places), alike(places))
-    return np.where(np.sign(places)[:, None] == np.sign(places), found, 0.0)
+    return np.where(sides[:, None] == sides, found, 0.0)
 
 
 def _unfollowed(covariance: Float64Array, ground: Ground, places: Float64Array) -> Float64Array:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from rw_ekf.diagnosis.hypotheses.candidates import Score
-from rw_ekf.diagnosis.hypotheses.confounding import may_confound, quantity_of, says_more
+from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same, quantity_of, says_more
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import settled_event
 from rw_ekf.diagnosis.hypotheses.selection import Selection
@@ -33,7 +33,8 @@ class Exchanged(NamedTuple):
     """A model with another effect in the place of one."""
 
     fit: Fit
-    constructed: bool  # the record has both as one: no likelihood decides
+    constructed: bool  # it does what that one does, and the record has both as one: no likelihood decides
+    waits: bool  # the record has it as one with what holds at any time, which goes first
 
 
 def rivals_in_place(search: Search, selection: Selection) -> dict[str, list[Exchanged]]:
@@ -91,7 +92,10 @@ def _rivals_of(search: Search, selection: Selection, name: str, less: Fit, near:
             continue
         rival = search.with_open_speed(max(fits, key=lambda item: item.likelihood.value))
         constructed = _same_by_construction(search, less, final, rival, name, effect)
-        rivals.append(Exchanged(rival, constructed))
+        # A law of temperature that is true is not behind a curve of time by more than chance; where time goes with
+        # speed, a curve of time takes the place of whatever law of speed is missing.
+        waits = law == "speed" and (constructed or _is_another_clock(less, effect))
+        rivals.append(Exchanged(rival, constructed, waits))
     return rivals
 
 
@@ -162,6 +166,11 @@ def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, nam
     if rival.likelihood.value - less.likelihood.value < EXPLAINED_SHARE * gained:
         return False
     return not says_more(less, search.facts, CATALOGUE[name], its, SIGNIFICANT_P)
+
+
+def _is_another_clock(less: Fit, effect: type[Effect]) -> bool:
+    """Whether an effect goes with time as smoothly as the speed does, in a record that has them as one."""
+    return effect.of_one_record and not effect.local_in_time and one_and_the_same(less, "time", "speed")
 
 
 def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:

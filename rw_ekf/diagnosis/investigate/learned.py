@@ -18,6 +18,7 @@ from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.investigation import with_widths
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.growth import grown_with_laws
+from rw_ekf.diagnosis.ledger.ledger import made_up_curves
 from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import MAP_P
@@ -43,7 +44,7 @@ def with_laws(found: Found, advance: Advance) -> Found:
     if found.new_ids:
         found = replace(found, unnamed_odds=ahead)
         beside = max((law.weight for law in laws(found.fit)), default=0.0)
-    if max(ahead, beside) <= 0.0:
+    if max(ahead, beside) <= 0.0 and not made_up_curves(found.fit):
         return found
     search = Search(prepared.record, facts, advance)
     ledger = found.ledger.unasked().with_rows([found.fit])

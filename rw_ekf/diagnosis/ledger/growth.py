@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.checks import of_size
 from rw_ekf.diagnosis.hypotheses.changes import settled_change
-from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
 from rw_ekf.diagnosis.hypotheses.grounds import Nameless
@@ -156,12 +155,9 @@ def _exchanged(search: Search, row: Row, ledger: Ledger, selection: Selection) -
     if here.final is not row.fit:
         ledger = ledger.with_rows([here.final])
     for name, rivals in rivals_in_place(search, here).items():
-        # A law of temperature that is true is not behind a curve of time by more than chance; where time goes with
-        # speed, a curve of time takes the place of whatever law of speed is missing.
-        waits = quantity_of(CATALOGUE[name]) != "temperature"
         for rival in rivals:
             fits = [rival.fit, *_without_others(search, rival.fit, set(row.effects) - {name})]
-            ledger = ledger.with_rows(fits, constructed=rival.constructed, waits=rival.constructed and waits)
+            ledger = ledger.with_rows(fits, constructed=rival.constructed, waits=rival.waits)
     return ledger, replace(here, final=ledger.base)
 
 

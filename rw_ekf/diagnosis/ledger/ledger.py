@@ -6,12 +6,14 @@ at a time, and never change. How likely one is, is one number: its log-evidence,
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from rw_ekf.diagnosis.checks.checks import Check
+from rw_ekf.diagnosis.hypotheses.grounds import LAW_LOG_ODDS
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -34,6 +36,18 @@ def _number_of(term: Term) -> float:
     if term.law is not None:
         return term.law.number
     return round(term.shape[0], 6) if term.effect.repeats else 0.0
+
+
+def made_up_curves(fit: Fit) -> int:
+    """How many drags over speed make up a curve that has no name, and pay for it as a law without a formula does.
+
+    All of them beside such a law of the speed; else all but one, where they cancel. Each has a name, and none of them
+    is there.
+    """
+    signs = [math.copysign(1.0, term.values[0]) for term in fit.model.terms if term.effect.smooth_over_speed]
+    if any(law.quantity in {"speed", "speed_size"} and law.acts_as == "drag" for law in fit.model.sought_laws):
+        return len(signs)
+    return len(signs) - 1 if len(set(signs)) > 1 else 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +96,7 @@ class Ledger:
         odds += sum(
             _ONE_RECORD_ODDS for law in fit.model.sought_laws if law.quantity == "time" and len(law.functions) > 1
         )
+        odds += LAW_LOG_ODDS * made_up_curves(fit)
         return Row(effects, fit, log_evidence(fit, effects, self.facts), odds, constructed, waits)
 
     def with_rows(self, fits: Iterable[Fit], *, constructed: bool = False, waits: bool = False) -> Ledger:
