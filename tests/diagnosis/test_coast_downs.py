@@ -71,6 +71,19 @@ def _power(w: float, t: float) -> float:
 
 
 @pytest.mark.slow
+def test_what_begins_and_ends_amid_a_drag_that_has_no_name_has_its_times_and_its_size() -> None:
+    """A tenth more drag for a minute: no square of minus 490 % and cube of 230 % beside a law found without the spell."""
+    log = coast_down(
+        lambda w, t: _logarithm(w, t) + (0.07 if 108.0 < t < 165.0 else 0.0), 41, start=380.0, samples=5600
+    )
+    document = diagnose_log(log).document()
+    assert set(document["verdict"]["effects"]) == {"spell", "learned_law"}, document["verdict"]["statement"]
+    found = next(c for c in document["candidates"] if c["effect"] == "spell")["parameters"]
+    assert (found["begins_at"]["value"], found["ends_at"]["value"]) == pytest.approx((108.0, 165.0), abs=1.0)
+    assert (found["what"]["value"], found["size"]["value"]) == ("drag", pytest.approx(0.07, rel=0.03))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [_saturating, _root, _logarithm, _power])
 def test_a_drag_that_has_no_name_is_a_law_of_the_speed_and_its_curve_is_known(drag: Drag) -> None:
     """No drift, no Stribeck speed of a thousand rpm, no square less a cube: what goes with time and speed is drag."""
@@ -78,6 +91,7 @@ def test_a_drag_that_has_no_name_is_a_law_of_the_speed_and_its_curve_is_known(dr
     document = diagnose_log(coast_down(drag, 31, start=380.0, samples=moving)).document()
     named = set(document["verdict"]["effects"])  # the power is a square, and what it is less
     assert {"learned_law"} <= named <= {"learned_law", "quadratic_drag"}, document["verdict"]["statement"]
+    assert "a second coast-down from another speed" in document["verdict"]["statement"].lower()
     found = next(c for c in document["candidates"] if c["effect"] == "learned_law")["parameters"]
     assert (found["quantity"]["value"], found["kind"]["value"]) == ("speed_size", "drag")
     assert document["after"]["free_run_rms_rpm"] < 0.15

@@ -18,7 +18,7 @@ from rw_ekf.diagnosis.hypotheses.other_starts import (
 )
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
-from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
+from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row, made_up_curves
 from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import (
     ALIAS_SHARE,
@@ -113,7 +113,14 @@ def _in_place_of_laws(
         return ledger, selection
     ledger, selection = _grown_from(search, row, ledger.with_rows([row.fit]), selection)
     timed = any(term.law is not None and term.law.quantity == "time" for term in top.fit.model.of(LEARNED.id))
-    return _with_laws(search, row, ledger, selection, laws) if timed else (ledger, selection)
+    if timed:
+        ledger, selection = _with_laws(search, row, ledger, selection, laws)
+    if made_up_curves(top.fit):  # the law was found beside less, and is mended by names: it is sought anew
+        fit = row.fit
+        for name in {term.id for term in fit.model.terms if term.effect.smooth_over_speed}:
+            fit = search.without(fit, name)
+        ledger, selection = _with_laws(search, ledger.row(fit), ledger.with_rows([fit]), selection, laws)
+    return ledger, selection
 
 
 def _with_laws(

@@ -199,14 +199,15 @@ def _nothing_is_left(shown: Evidence) -> str:
 
 
 def _another_record(found: Found, names: list[str]) -> str:
-    """Which record would show whether what goes with time does, where this one has another quantity as one with it."""
-    if not any(_goes_with_time(name) for name in names):
+    """Which record would show whether what goes with time, or with the speed, does, where the record has them as one."""
+    timed = any(_goes_with_time(name) for name in names)
+    laws = {law.quantity for law in found.fit.model.sought_laws} & {"speed", "speed_size"}
+    asked: tuple[Quantity, ...] = _CONFUSED_WITH_TIME if timed else ("speed",) if laws else ()
+    other = next((other for other in asked if one_and_the_same(found.fit, "time", other)), None)
+    if other is None:
         return ""
-    others = [other for other in _CONFUSED_WITH_TIME if one_and_the_same(found.fit, "time", other)]
-    if not others:
-        return ""
-    way = separates(others[0])
-    return f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
+    way, what = separates(other), "time" if timed else "the speed"
+    return f" {way[:1].upper()}{way[1:]} would show whether it goes with {what} at all."
 
 
 def _told(failed: Mapping[str, float]) -> str:
