@@ -72,7 +72,7 @@ def _power(w: float, t: float) -> float:
 
 @pytest.mark.slow
 def test_what_begins_and_ends_amid_a_drag_that_has_no_name_has_its_times_and_its_size() -> None:
-    """A tenth more drag for a minute: no square of minus 490 % and cube of 230 % beside a law found without the spell."""
+    """A tenth more drag for a minute: no square of minus 490 % and cube of 230 % mend a law found without the spell."""
     log = coast_down(
         lambda w, t: _logarithm(w, t) + (0.07 if 108.0 < t < 165.0 else 0.0), 41, start=380.0, samples=5600
     )

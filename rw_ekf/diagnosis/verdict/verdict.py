@@ -199,7 +199,7 @@ def _nothing_is_left(shown: Evidence) -> str:
 
 
 def _another_record(found: Found, names: list[str]) -> str:
-    """Which record would show whether what goes with time, or with the speed, does, where the record has them as one."""
+    """Which record would show whether what goes with time, or the speed, does, where this one has the two as one."""
     timed = any(_goes_with_time(name) for name in names)
     laws = {law.quantity for law in found.fit.model.sought_laws} & {"speed", "speed_size"}
     asked: tuple[Quantity, ...] = _CONFUSED_WITH_TIME if timed else ("speed",) if laws else ()
