@@ -82,6 +82,13 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
             guess.notes.append(f"{column.shown}: {note}")
         if column is not None or len(guess.questions) > asked:
             return
+    term = next((c for c in columns if c.role == "term" and c.moves), None)
+    if term is not None:
+        text = (
+            f"{term.shown} seems to be what a controller has integrated: is it the current? Else --set current=COLUMN."
+        )
+        guess.ask("current_A", text, *(Line("current_A", term.entry(unit), "") for unit in ("mA", "A")), _FREE)
+        return
     held = [c for c in columns if c.role in _MAY_DRIVE and np.nanmax(np.abs(c.values), initial=0.0) > 0.0]
     if held and not held[0].said.has("supply", "bus"):
         text = f"{held[0].shown} never changes: did it drive the wheel all the time?"

@@ -12,7 +12,7 @@ from rw_ekf.logs.column_words import SIGNS, WORDS
 
 Role = Literal[
     "time", "speed", "speed_set", "angle", "current", "current_set", "torque", "force", "voltage", "share",
-    "temperature", "pressure", "bus_voltage", "direction", "segment", "count", "other",
+    "temperature", "pressure", "bus_voltage", "direction", "segment", "count", "term", "other",
 ]  # fmt: skip
 
 _IN_BRACKETS = re.compile(r"[\s_.,:-]*[\[(<{](?P<unit>[^\[\](){}<>]*)[\])>}]\s*")
@@ -208,7 +208,15 @@ def role_of(said: Said) -> Role:
         return "other"  # it magnetises, and turns nothing
     if role == "voltage" and said.has("bus"):
         return "bus_voltage"
+    if role == "current" and may_be_a_term(said) and said.has("controller"):  # pid_i, vel_i, I Term
+        return "term"
     return _WANTED.get(role, role) if said.has("set") else role
+
+
+def may_be_a_term(said: Said) -> bool:
+    """Whether only a letter says that a column is a current: what a controller has integrated has the same one."""
+    by_letter = said.words & WORDS["current"] == {"i"} and said.unit is None
+    return by_letter and not said.has("torque_axis", "machine", "supply", "phase")
 
 
 def _is_changing(said: Said) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.logs.column_names import Role, Said, role_of, said_by, spoken
+from rw_ekf.logs.column_names import Role, Said, may_be_a_term, role_of, said_by, spoken
 from rw_ekf.logs.column_units import Unit, habitual_unit, unit_among, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.labels import owner_of
@@ -23,6 +23,7 @@ _HIGHER_IS_BACKWARD = re.compile(
 _REVERSED = re.compile(r"(?<!not )\b(reversed|inverted|negated|opposite|flipped|invertiert|umgekehrt)\b", re.IGNORECASE)
 _RAW = re.compile(r"(?P<of>.*\S)\s*\(RAW\)")  # COSMOS: counts, beside which stands what they were converted to
 _CONVERTED = re.compile(r"\s*\([UF]\)")  # with units, formatted
+_LETTER_I = re.compile(r"(?<![A-Za-z])[iI](?![A-Za-z])|(?<=[a-z])I(?![A-Za-z])|(?<![A-Za-z])[iI](?=[A-Z][a-z])")
 _SYMBOL = 2  # letters: ia, iu
 _TAIL = re.compile(r"\s*[(\[].*")
 _DEFINED = re.compile(
@@ -217,7 +218,7 @@ def columns_of(table: RawTable) -> list[Column]:
         bare = spoken(name) if spoken(name) != name else ""
         values = values if (factor, offset) == (1.0, 0.0) else factor * values + offset
         found.append(Column(number, name, said, role, values, key, remark, by_habit, mark, turn, factor, offset, bare))
-    return _without_raw(found)
+    return _without_terms(_without_raw(found))
 
 
 def _factor_of(said: Factor, values: Float64Array, role: Role) -> tuple[float, float, str]:
@@ -248,6 +249,23 @@ def _without_raw(columns: list[Column]) -> list[Column]:
         counts = raw.get(_TAIL.sub("", column.name)) if column.said.unit is not None else None
         if counts is not None:
             counts.role, column.bare_name = "other", _CONVERTED.sub("", column.name)
+    return columns
+
+
+def _without_terms(columns: list[Column]) -> list[Column]:
+    """The columns, no current among them that has the other terms of its controller beside it: `I` beside `P` and `D`.
+
+    Beside a voltage, `P` alone is a power.
+    """
+    bare = {c.name for c in columns if c.said.unit is None}
+    volts = any(c.role in ("voltage", "bus_voltage") and c.name != "u" for c in columns)
+    for column in columns:
+        if column.role != "current" or not may_be_a_term(column.said):
+            continue
+        terms = [_LETTER_I.sub(letter, column.name) for letter in ("PD" if "I" in column.name else "pd")]
+        beside = [term for term in terms if term != column.name and term in bare]
+        if len(beside) > volts:
+            column.role = "term"
     return columns
 
 

@@ -83,6 +83,9 @@ WORDS: dict[str, frozenset[str]] = {
             offset old omegadot omegarate prev previous rated ratio ripple rpmdot rpmrate sigma slope speeddot
             speedrate sq squared stall start std sum threshold tolerance variance veldot velocitydot velocityrate
             velrate wdot zero """,
+        "controller": """
+            angle attitude controller err error fehler heading integ integral integrator omega phi pid pitch pos
+            position psi rate regler roll rpm spd speed term theta vel velo velocity yaw """,
         "countdown": """
             countdown left remaining rest restant restante restzeit togo verbleibend """,
         "raw": """
