@@ -114,6 +114,7 @@ def layout_of(
         return None
     best = max(score for score, *_ in found)
     _, layout, begins, _ = next(item for item in found if item[0] == best)
+    layout = _with_its_mark(layout, lines[begins:_LOOKED_AT])
     lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped else lines
     data = lines[begins:_LOOKED_AT]
     layout = replace(
@@ -128,10 +129,12 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
     """Index of the first row of data, the layout with their width (0: there is none), how well and how many agree."""
     widths: list[int] = []
     begun: list[bool] = []  # whether a line begins with a value, or an empty cell
+    firsts: list[str] = []  # its first cell
     wordy: list[int] = []  # cells of a line that begins with a value though most of it is words
     numbers = 0
     for index, line in enumerate(lines[:_LOOKED_AT]):
         cells = layout.filled(line) if index >= skip_rows else []
+        firsts.append(cells[0] if cells else "")
         begun.append(bool(cells) and (not cells[0] or layout.is_value(cells[0])))
         is_data = layout.is_data(cells)
         a_row = begun[-1] and not is_data and any(is_number(cell, layout.decimal) for cell in cells)
@@ -144,8 +147,8 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
     if not counted:
         return 0, layout, 0.0, 0
     width, lines_of_it = max(counted.items(), key=lambda item: (item[1] * item[0], item[0]))
-    first = [value for value, number in zip(begun, widths, strict=True) if number == width]
-    if not layout.begins_with_value and sum(first) > NEARLY_ALL * len(first):
+    first = [(value, cell) for value, cell, number in zip(begun, firsts, widths, strict=True) if number == width]
+    if not layout.begins_with_value and _begin_with_values(first):
         return _rows(lines, replace(layout, begins_with_value=True), skip_rows)
     near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in map(max, widths, wordy)]
     need = min(_AGREE, lines_of_it)
@@ -163,6 +166,32 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
         numbers * lines_of_it / max(sum(value > 0 for value in widths), 1),
         lines_of_it,
     )
+
+
+def _with_its_mark(layout: TextLayout, rows: list[str]) -> TextLayout:
+    """The layout with the mark that stands between all cells of all rows, where blanks would cut them alike.
+
+    Names and units may have blanks: `V (Voltage)`.
+    """
+    if layout.delimiter != BLANKS or not rows:
+        return layout
+    cells = [layout.cells(line) for line in rows if line.strip()]
+    for mark in MARKS:
+        marked = replace(layout, delimiter=mark)
+        if [marked.cells(line) for line in rows if line.strip()] == cells:
+            return marked
+    return layout
+
+
+def _begin_with_values(rows: list[tuple[bool, str]]) -> bool:
+    """Whether rows, of each whether it does and its first cell, begin with a value: nearly all, or all below keys.
+
+    Each of these rows that say something of the columns (`Unit`, `Offset`, of TwinCAT) has another key.
+    """
+    keys = [cell for value, cell in rows if not value]
+    below = [value for value, _ in rows[len(keys) :]]
+    by_key = len(below) >= _AGREE and all(below) and len({*keys}) == len(keys)
+    return by_key or len(rows) - len(keys) > NEARLY_ALL * len(rows)
 
 
 def _stamps_cut(cells: list[str], layout: TextLayout) -> int:

@@ -51,3 +51,41 @@ def test_an_i_that_no_controller_stands_beside_is_a_current(tmp_path: Path, run:
     """Beside a voltage, `P` is a power; an `I` alone, of a motor or of an axis, is a current as before."""
     text = _csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{c + 0.01 * w!r},{c - i / 1e3!r}")
     assert _guess(tmp_path / "a.csv", text).guess.mapping()["current_A"] == {"column": names.split(",", 1)[0]}
+
+
+_TWINCAT = """Name\tScope
+File\tD:\\rw.csv
+
+
+Name\tramp\tName\tActCurrent\tSetCurrent\tVdc\tActVelo
+SymbolComment\t\tSymbolComment
+Data-Type\tREAL32\tData-Type\tREAL32\tREAL32\tINT16\tREAL64
+SampleTime[ms]\t0,2\tSampleTime[ms]\t100\t100\t100\t100
+VariableSize\t4\tVariableSize\t4\t4\t2\t8
+SymbolBased\tTrue\tSymbolBased\tTrue\tTrue\tTrue\tTrue
+Port\t851\tPort\t851\t851\t851\t851
+Offset\t0\tOffset\t0\t0\t0\t0
+ScaleFactor\t1\tScaleFactor\t1\t1\t1\t1
+BitMask\t0xff\tBitMask\t0xff\t0xff\t0xff\t0xff
+Unit\t(None)\tUnit\tmA\tA\tV (Voltage)\trpm
+Unit ScaleFactor\t1\tUnit ScaleFactor\t1\t1\t1\t1
+Unit Offset\t0\tUnit Offset\t0\t0\t0\t0
+"""
+
+
+@pytest.mark.parametrize("rows", [8, 30, 60, 80, 99, 200])
+def test_units_stand_over_their_columns_in_few_rows_too(tmp_path: Path, run: rw_ekf.Log, rows: int) -> None:
+    """Names, units and rows are cut at the same marks however few rows there are: no mA is read as an A."""
+    log = [f"{100 * i}\t{i}\t{100 * i}\t{651 + i % 9}\t{6 + i % 3}\t24\t{1 + i % 37}" for i in range(rows)]
+    found = _guess(tmp_path / "a.csv", _TWINCAT + "\n" + "\n".join(log) + "\n").guess.mapping()
+    assert found["current_A"] == {"column": "ActCurrent [mA]", "unit": "mA"}
+    assert found["current_command_A"] == {"column": "SetCurrent [A]"}
+    assert found["speed_rpm"] == {"column": "ActVelo [rpm]"}
+
+
+def test_cells_between_tabs_are_not_cut_at_blanks(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where tabs stand between all cells of all rows, a blank in a name or a unit cuts nothing."""
+    head = "# of the bench\nt (s)\tVdc actual (V)\tspeed (rpm)\tI mot (mA)"
+    text = _csv(run, head, lambda i, t, w, c: f"{t!r}\t24\t{w * RPM!r}\t{1e3 * c!r}")
+    found = _guess(tmp_path / "a.csv", text).guess.mapping()
+    assert found["current_A"] == {"column": "I mot (mA)", "unit": "mA"}
