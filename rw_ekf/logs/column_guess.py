@@ -20,7 +20,8 @@ from rw_ekf.logs.column_speed import find_speed
 from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, no_clock, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.row_rules import is_even, usual_step
+from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
+from rw_ekf.logs.side_by_side import MAY_BE_A_PART
 
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
@@ -110,7 +111,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
         undated = [c for c in columns if c.role in ("other", "count", "angle") and _holds_dates(table, c)]
         clocks = clocks or clocks_among(undated)
     if clocks:
-        clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank))
+        clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank, -clock.again))
         other = next(
             (other for other in clocks if _contradict(clock, other) or _of_two_signals(clock, other, columns)), None
         )
@@ -124,7 +125,15 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
             guess.ask("time_s", f"{why}: in which unit is it?", Line("time_s", column.entry("s"), ""))
             return clock
         if clock.repeats and _rows_again(clock, columns):
-            clock.repeats = "drop"
+            clock.repeats, clock.again = "drop", 0.0
+        part = next((c for c in columns if _may_be_its_part(c, clock)), None) if given is None else None
+        if part is not None:
+            text = f"{part.shown} begins anew with each second of {column.shown}: of how many parts of a second is it?"
+            guess.ask(
+                "time_s", text, Line("time_s", column.entry(clock.unit), "without it, rows evenly in each second")
+            )
+            guess.options["repeats"] = clock.repeats
+            return clock
         _take_clock(clock, columns[clock.number], told, guess)
         return clock
     counter = _counter(table, columns)
@@ -163,6 +172,14 @@ def _rows_again(clock: Clock, columns: list[Column]) -> bool:
     """Whether rows of one time are the same throughout: written twice, and no coarse stamps."""
     again = np.diff(clock.time_s) == 0.0
     return all(np.array_equal(c.values[1:][again], c.values[:-1][again], equal_nan=True) for c in columns)
+
+
+def _may_be_its_part(column: Column, clock: Clock) -> bool:
+    """Whether a column goes with the whole seconds of a clock, and counts no rows."""
+    if clock.repeats != "spread" or column.role not in MAY_BE_A_PART:
+        return False
+    step = np.diff(column.values)[np.diff(clock.time_s) == 0.0]
+    return goes_with_seconds(clock.time_s, column.values) and bool(np.any(step != 1.0))
 
 
 def _contradict(one: Clock, other: Clock) -> bool:
@@ -230,6 +247,9 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
         guess.options["restarts"] = True
     if clock.repeats:
         guess.options["repeats"] = clock.repeats
+    if clock.again:
+        share = f"{100.0 * clock.again:.2g} % of the rows have the stamp of the row before"
+        guess.notes.append(f"{column.shown}: {share}: they are spread over the time of a stamp")
     guess.notes += clock.notes
 
 

@@ -67,6 +67,7 @@ class Clock:
     wrap: float | None = None
     restarts: bool = False
     repeats: str = ""
+    again: float = 0.0  # share of the rows that have the stamp of the row before, where they are many
     rank: int = 0
     is_clock: bool = True
     odd: str = ""  # what is asked of it, as a clause
@@ -99,7 +100,7 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     clock.is_clock = back < _BACKWARD and (bool(asks) or _usual(step[inside])) and not part
     same = float(np.mean(step[inside] == 0.0))
     if same > _REPEATED and clock.is_clock:
-        clock.repeats = "spread"
+        clock.repeats, clock.again = "spread", same
     if clock.restarts:
         clock.notes.append(f"column '{name}' begins anew {int(run[-1])} times: each run is a segment")
     # A clock of the log's own name, then one that counts from the run's begin with a unit, then stamps, then others.

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
 _NEARLY_ALL = 0.9  # of the rows: some are lost, or late
+_ACCIDENTS = 0.01  # of the rows, at most
 _LANDS = 10.0  # usual steps: so near to its beginning is a clock that begins anew
 
 
@@ -37,6 +38,15 @@ def is_even(values: Float64Array, within: float) -> bool:
     """Whether values (n,) rise by the usual step from row to row, within a part of it, in nine rows of ten."""
     usual = usual_step(values)
     return bool(np.mean(np.abs(np.diff(values) - usual) < within * usual) > _NEARLY_ALL)
+
+
+def goes_with_seconds(seconds: Float64Array, part: Float64Array) -> bool:
+    """Whether numbers (n,) rise while whole seconds stay, and fall where these go on."""
+    step, anew = np.diff(part), np.diff(seconds) > 0.0
+    if not anew.any() or anew.all() or not np.isfinite(step).all() or np.any(np.diff(seconds) < 0.0):
+        return False
+    wrong = np.count_nonzero(step[~anew] < 0.0) + np.count_nonzero(step[anew] >= 0.0)
+    return bool(wrong <= _ACCIDENTS * len(step) and np.all(seconds == np.round(seconds)))
 
 
 def restarted(time_s: Float64Array) -> Float64Array:
@@ -71,6 +81,11 @@ def spread_stamps(time_s: Float64Array, segment: Int64Array) -> Float64Array:
         inside = np.flatnonzero(segment == number)
         begins = inside[first[inside]]
         if begins.size < 3:
+            continue
+        if begins.size > _NEARLY_ALL * inside.size:  # stamps are not coarse: now and then two rows are within one
+            step, row = np.diff(time_s[begins]), np.arange(inside.size)
+            behind = row - np.maximum.accumulate(np.where(first[inside], row, 0))
+            spread[inside] += float(np.min(step, where=step > 0.0, initial=np.inf)) * behind / (behind + 1.0)
             continue
         row_s = float(time_s[begins[-1]] - time_s[begins[1]]) / float(begins[-1] - begins[1])  # the first may be cut
         at = np.interp(inside, begins, time_s[begins])

@@ -17,6 +17,7 @@ from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.foreign.groups import held_at
 from rw_ekf.logs.interleaved import has_speed
 from rw_ekf.logs.raw_table import RawTable, taken
+from rw_ekf.logs.row_rules import goes_with_seconds
 from rw_ekf.logs.time_text import DAY_S
 
 _TOGETHER = 0.5  # of the values of a column stand in rows of the speed where it was sampled with it
@@ -26,6 +27,9 @@ _DRIVES = ("current", "current_set", "torque", "force", "voltage")
 _SLOW = ("temperature", "pressure", "bus_voltage")
 _WHOLE = 1.0e-6  # [s] from whole seconds, as floats since 1970 have them
 _FALLS = 0.01  # of the rows, at most, where columns together are a time
+MAY_BE_A_PART = ("other", "time", "count", "segment")
+_PARTS_OF_A_SECOND = (1.0, 1e-2, 1e-3, 1e-6, 1e-9)
+_ALIKE = 5.0  # times the steps within a second, at most, are those into the next: else of other parts
 _SECONDS = re.compile(r"(.*?)(sec(s|onds?)?|tv_sec|s)", re.IGNORECASE)
 _PARTS = {
     1e-9: re.compile(r"(.*?)(nano?sec(s|onds?)?|nsecs?|tv_nsec|ns|nanos)", re.IGNORECASE),
@@ -53,8 +57,38 @@ def with_whole_time(table: RawTable) -> RawTable:
                 seconds, rest = table.numbers(first, stamps=True), table.numbers(second)
                 if not _is_part(seconds, factor * rest):
                     continue
-                held = seconds + factor * rest  # of an epoch to a quarter of a microsecond, as any float has it
-                return replace(table, names=(*table.names, f"{name} + {other} [s]"), columns=[*table.columns, held])
+                return _joined(table, first, second, seconds + factor * rest)
+    return _with_what_begins_anew(table)
+
+
+def _joined(table: RawTable, first: int, second: int, time_s: Float64Array) -> RawTable:
+    """The table with a time (n,) that two columns make, of an epoch to a quarter of a microsecond, as any float."""
+    name = f"{table.names[first]} + {table.names[second]} [s]"
+    return replace(table, names=(*table.names, name), columns=[*table.columns, time_s])
+
+
+def _with_what_begins_anew(table: RawTable) -> RawTable:
+    """The same where no name says it: a column that begins anew with each second of another is what it lacks."""
+    said = [said_by(name) for name in table.names]
+    parts = {
+        second: values
+        for second, each in enumerate(said)
+        if role_of(each) in MAY_BE_A_PART and table.is_plain_number(second)
+        and (values := table.numbers(second)).size and values.min() >= 0.0 and np.any(np.diff(values) < 0.0)
+    }  # fmt: skip
+    clocks = [number for number, each in enumerate(said) if parts and role_of(each) == "time" and number not in parts]
+    for first in clocks:
+        seconds = table.numbers(first, stamps=True)
+        for second, values in parts.items():
+            unit = said[second].unit
+            for factor in _PARTS_OF_A_SECOND if unit is None else (unit.factor,):
+                if goes_with_seconds(seconds, values) and _is_part(seconds, part_s := factor * values):
+                    step, anew = np.diff(seconds + part_s), np.diff(seconds) > 0.0
+                    if float(np.median(step[anew])) < _ALIKE * float(np.median(step[~anew])):
+                        joined = _joined(table, first, second, seconds + part_s)
+                        text = f"'{table.names[second]}' begins anew with each second of '{table.names[first]}'"
+                        joined.warnings = [*table.warnings, f"{table.path}: {text}: it is taken for the part of it"]
+                        return joined
     return table
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rw_ekf
+from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.row_rules import spread_stamps
 from rw_ekf.units import RAD_S_PER_RPM
 
 RPM = 1.0 / RAD_S_PER_RPM
@@ -22,6 +25,13 @@ def run() -> rw_ekf.Log:
 def _csv(log: rw_ekf.Log, header: str, line: Callable[[int, float, float, float], str]) -> str:
     rows = zip(log.time_s.tolist(), log.speed_rad_s.tolist(), log.current_A.tolist(), strict=True)
     return header + "\n" + "".join(line(i, t, w, c) + "\n" for i, (t, w, c) in enumerate(rows))
+
+
+def _stamped(log: rw_ekf.Log, header: str, part: Callable[[float], str]) -> tuple[str, Float64Array]:
+    """Rows at uneven times with a stamp of whole seconds, and the part of one beside it; and these times [s]."""
+    time_s = np.floor(1e3 * np.cumsum(0.02 + 0.16 * np.random.default_rng(3).random(len(log)))) / 1e3
+    at = [f"2026-03-04 12:{30 + int(t) // 60}:{int(t) % 60:02d},{part(round(t % 1.0, 3))}" for t in time_s]
+    return _csv(log, header, lambda i, t, w, c: f"{at[i]},{w * RPM!r},{c!r}"), time_s - time_s[0]
 
 
 def _guess(path: Path, text: str) -> rw_ekf.GuessedColumns:
@@ -89,3 +99,43 @@ def test_cells_between_tabs_are_not_cut_at_blanks(tmp_path: Path, run: rw_ekf.Lo
     text = _csv(run, head, lambda i, t, w, c: f"{t!r}\t24\t{w * RPM!r}\t{1e3 * c!r}")
     found = _guess(tmp_path / "a.csv", text).guess.mapping()
     assert found["current_A"] == {"column": "I mot (mA)", "unit": "mA"}
+
+
+@pytest.mark.parametrize("name", ["Millitm", "Frac", "ms part", "Time ms", "Milliseconds", "x"])
+def test_what_begins_anew_with_each_second_is_the_part_of_it(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """Thousandths beside whole seconds are the time's by how they go, whatever they are called, and it is said."""
+    text, time_s = _stamped(run, f"Time,{name},rpm,I_motor", lambda part: f"{1e3 * part:.0f}")
+    (tmp_path / "a.csv").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.time_s - log.time_s[0] == pytest.approx(time_s, abs=2e-6)
+    assert name == "Milliseconds" or any(f"'{name}' begins anew with each second" in said for said in log.warnings)
+
+
+def test_a_part_of_a_second_may_be_a_fraction_or_of_nobody_knows_what(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Fractions and hundredths are read; of 256ths of a second it is asked how many they are."""
+    text, time_s = _stamped(run, "Time,f,rpm,I_motor", lambda part: f"{part:.3f}")
+    (tmp_path / "a.csv").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.time_s - log.time_s[0] == pytest.approx(time_s, abs=2e-6)
+    asked = _guess(tmp_path / "b.csv", _stamped(run, "Time,f,rpm,I_motor", lambda part: f"{int(256 * part)}")[0])
+    assert [question.name for question in asked.guess.questions] == ["time_s"]
+    assert "of how many parts of a second" in asked.guess.questions[0].text
+
+
+def test_rows_that_count_within_a_second_are_spread_over_it(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A count of the rows of each second is no part of it, and asks nothing."""
+    text = _csv(
+        run, "Time,n,rpm,I_motor",
+        lambda i, t, w, c: f"2026-03-04 12:30:{i // 20 % 60:02d},{i % 20},{w * RPM!r},{c!r}",
+    )  # fmt: skip
+    found = _guess(tmp_path / "a.csv", text)
+    assert not found.guess.questions
+    assert found.guess.options["repeats"] == "spread"
+
+
+def test_rows_of_one_stamp_among_fine_stamps_stay_within_it() -> None:
+    """Where one row in a hundred has the stamp of the row before, it is not moved half way to the next."""
+    time_s = np.concatenate((np.arange(100.0) * 0.05, [4.951, 4.951], 5.0 + 0.05 * np.arange(100.0)))
+    moved = spread_stamps(time_s, np.zeros(len(time_s), dtype=np.int64)) - time_s
+    assert moved[101] == pytest.approx(0.0005, abs=1e-6)
+    assert not np.delete(moved, 101).any()
