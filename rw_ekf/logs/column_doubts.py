@@ -15,8 +15,9 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_brackets import BRACKETED, unread
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import role_of, said_by, unit_in_prose
+from rw_ekf.logs.column_names import said_by, unit_in_prose
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line, are_counts, said_in_columns
 from rw_ekf.logs.column_units import size_of_count, unit_of
@@ -50,20 +51,12 @@ _FACTOR = re.compile(
     r"deci|centi|milli|k(?=[ _]rpm)|(?<=rpm[ _])k)(?![^\W_])",
     re.IGNORECASE,
 )
-_ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
 _OF_A_SECOND = re.compile(r"(?<=[_ .])(?:[cdk]|centi|deci|kilo)s(?:ec\w*)?$", re.IGNORECASE)  # t_ds
 _TAKEN_OUT = re.compile(r"correct|compens|remov|korrig|subtract", re.IGNORECASE)  # current (offset corrected)
 _SPEEDS = ("speed_rad_s", "speed_rpm")
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
-_LIKE_A_UNIT = re.compile(
-    r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff|p|pp|p-p|dc|ac)?"
-)  # of no known meaning
 _LEAST_UNITS = 2  # in brackets at other columns, where a word there is to be one
-_A_WORD = 3  # letters: shorter is a unit, or an axis
 _TAIL = re.compile(r"[\W_].*")
-_AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
-_INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
-_BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
 _IDS = frozenset((
     "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
     "wheelid", "motorid", "rwid", "instance", "canid", "can", "dut", "bearing", "specimen", "esc",
@@ -124,14 +117,15 @@ def _doubts(
     if (factor := _FACTOR.search(column.name) or _FACTOR.search(column.remark)) is not None:
         text = f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?"
         yield text, (line, *_scaled(line, factor[0]))
-    if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
+    unit_was_set = told.unit(*(_SPEEDS if line.name in _SPEEDS else (line.name,)))
+    if not unit_was_set and (text := unread(column)):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     if (size := size_of_count(column.unit)) is not None and not are_counts(column.values, size[0]):
         yield f"{column.shown}: its numbers are no counts of {column.unit!r}: what are they in?", (line,)
     aside = sorted(said_by(column.bare_name or column.name).words & WORDS["aside"])
     if aside and not _TAKEN_OUT.search(column.name):
         yield f"{column.shown}: '{aside[0]}' may say that it is something else: is it the reading itself?", (line,)
-    if (beside := _unknown_unit(column, table)) and not told.unit(*(_SPEEDS if line.name in _SPEEDS else (line.name,))):
+    if not unit_was_set and (beside := _unknown_unit(column, table)):
         yield f"{column.shown}: what does the unit beside it, {beside!r}, mean?", (line,)
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
@@ -198,25 +192,8 @@ def _odd_stamp(column: Column, table: RawTable) -> str:
     if not table.is_plain_number(column.number):
         return "hours and minutes, or minutes and seconds?" if not np.any(column.values % 60.0) else ""
     tail = _OF_A_SECOND.search(column.name)
-    text = _unread(column) or (tail[0] if tail else "")
+    text = unread(column) or (tail[0] if tail else "")
     return f"what does {text!r} mean?" if text else ""
-
-
-def _unread(column: Column) -> str:
-    """What stands in brackets in a name and is no unit, word or index: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`.
-
-    The last unit in brackets is the column's: one before it that measures something else is asked about.
-    """
-    said, name = column.said.unit, column.bare_name or column.name
-    for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
-        known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
-        another = known is not None and said is not None and known.quantity != said.quantity
-        symbol = len(text) == 1 and role_of(said_by(text)) == column.role  # time(t), speed(n)
-        if symbol or SINCE_LAST.search(text):  # counts of an interval, which are understood
-            continue
-        if another or (known is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text))):
-            return str(text)
-    return ""
 
 
 def _unknown_unit(column: Column, table: RawTable) -> str:
@@ -227,7 +204,7 @@ def _unknown_unit(column: Column, table: RawTable) -> str:
     beside = {**said_in_columns(table)[0], **table.units}.get(column.name, "").strip(" []()")
     if beside.strip("-–—?") and unit_of(beside) is None:
         return beside
-    last = {name: found[-1] for name in table.names if (found := _BRACKETED.findall(name))}
+    last = {name: found[-1] for name in table.names if (found := BRACKETED.findall(name))}
     text = last.pop(column.name, "")
     if column.said.unit is not None or len(last) < _LEAST_UNITS or not all(map(unit_of, last.values())):
         return ""

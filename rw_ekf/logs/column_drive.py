@@ -9,6 +9,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_brackets import without_unit
 from rw_ekf.logs.column_names import Role
 from rw_ekf.logs.column_records import Column, Guess, Line, chosen
 from rw_ekf.logs.column_units import unit_of
@@ -74,7 +75,7 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
         if column is not None and (text := _no_drive(column, role)):
             guess.ask("current_A", f"{column.shown} {text}", Line("current_A", column.entry(column.unit), ""), _FREE)
         elif column is not None and role in _UNITS_OF_DRIVE and not (column.unit or told.unit("current_A")):
-            text = f"{column.shown} has no unit: a {role}, or the current?"
+            text = f"{column.shown} {without_unit(column)}: a {role}, or the current?"
             lines = (Line("current_A", column.entry(unit), "") for unit in (*_UNITS_OF_DRIVE[role], "A"))
             guess.ask("current_A", text, *lines)
         elif column is not None:
@@ -172,7 +173,7 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
             unit, assumed = "A", True
             why = f"it goes to {column.top:.3g}, with decimals: in mA that would move nothing"
         else:
-            text = f"{column.shown} has no unit, and goes to {column.top:.4g}: mA or A?"
+            text = f"{column.shown} {without_unit(column)}, and goes to {column.top:.4g}: mA or A?"
             guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
             return
     if column.said.has("torque_axis"):

@@ -13,6 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_brackets import without_unit
 from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
@@ -235,7 +236,7 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
     if clock.odd:
         guess.ask("time_s", f"{column.shown} {clock.odd}", Line("time_s", column.entry(clock.unit), clock.why))
     elif clock.asks:
-        text = f"{column.shown} has no unit, and its steps may be of {' or '.join(clock.asks)}: which?"
+        text = f"{column.shown} {without_unit(column)}, and its steps may be of {' or '.join(clock.asks)}: which?"
         guess.ask("time_s", text, *(Line("time_s", column.entry(unit), unit) for unit in clock.asks))
     else:
         down = {"scale": -1.0} if _counts_down(column) else {}

@@ -144,7 +144,8 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
     if (unit := unit_of(name)) is not None and (len(plain_spelling(name)) > 1 or name == "A"):
         return name, name, unit
     symbol, _, tail = name.partition("/")  # as a table of physics has it: t/ms, I/mA
-    if tail and unit_of(name) is None and (unit := unit_of(tail)) is not None:
+    opened = any(bracket in symbol for bracket in "[({<")  # of `I [V/A]`, which is none of A
+    if tail and not opened and unit_of(name) is None and (unit := unit_of(tail)) is not None:
         return symbol, tail, unit
     first = re.match(r"^(ms|us|millis|micros)[_ ](.+)$", name)
     if first and (unit := unit_of(first[1])) is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_brackets import without_unit
 from rw_ekf.logs.column_counts import interval_of, is_since_last, per_turn, pole_pairs
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, chosen
 from rw_ekf.logs.column_units import unit_of
@@ -65,7 +66,7 @@ def find_speed(
     unit, why = _speed_unit(column, angles, time_s, told_unit)
     assumed = unit is not None and not (told_unit or (column.unit and not column.by_habit) or _unit_in_words(column))
     if unit is None:
-        text = f"{column.shown} has no unit, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
+        text = f"{column.shown} {without_unit(column)}, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
         guess.ask(
             "speed_rad_s", text, *(_speed_line(column, unit, "", sign, told) for unit in ("rpm", "rad/s", "deg/s"))
         )

@@ -97,7 +97,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("pressure", 133.322368), "torr mmhg"),
     **_all(Unit("pressure", 101325.0), "atm"),
     **_all(Unit("share", 1e-2), "% percent prozent pct"),
-    **_all(Unit("share"), "-1..1 0..1 pu p.u."),
+    **_all(Unit("share"), "-1..1 0..1 pu p.u"),
     **_all(Unit("acceleration"), "rad/s2 rad/s/s m/s2 g deg/s2 rpm/s"),
     **_all(Unit("linear_speed"), "m/s"),
     **_all(Unit("linear_speed", 1e-3), "mm/s"),

@@ -139,3 +139,26 @@ def test_rows_of_one_stamp_among_fine_stamps_stay_within_it() -> None:
     moved = spread_stamps(time_s, np.zeros(len(time_s), dtype=np.int64)) - time_s
     assert moved[101] == pytest.approx(0.0005, abs=1e-6)
     assert not np.delete(moved, 101).any()
+
+
+@pytest.mark.parametrize(
+    "unit", ["p.u.", "P.U.", "a.u.", "A.U.", "i.u.", "arb. units", "arb.u.", "V/A", "Skt", "raw", "mA/A", "% of rated"]
+)
+def test_a_current_in_a_unit_that_is_not_known_is_asked_about(tmp_path: Path, run: rw_ekf.Log, unit: str) -> None:
+    """What stands in brackets behind a name and is no unit that is known makes no amperes of its numbers."""
+    for name in (f"Current [{unit}]", f"I [{unit}]", f"I_motor[{unit}]"):
+        text = _csv(run, f"time_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+        asked = _guess(tmp_path / "a.csv", text).guess.questions
+        assert [question.name for question in asked] == ["current_A"], name
+        assert not any("has no unit" in question.text for question in asked), name
+    told = rw_ekf.guess_columns(tmp_path / "a.csv", current=f"I_motor[{unit}]:A")
+    assert not told.guess.questions
+
+
+@pytest.mark.parametrize(
+    "remark", ["(measured)", "[measured]", "(filt.)", "(motor)", "(act/set)", "[motor]", "(to wheel)"]
+)
+def test_words_in_brackets_are_no_unit(tmp_path: Path, run: rw_ekf.Log, remark: str) -> None:
+    """A word that says which current it is asks nothing, and its size says amperes as before."""
+    text = _csv(run, f"time_s,rpm,Current {remark}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert not _guess(tmp_path / "a.csv", text).guess.questions
