@@ -44,6 +44,7 @@ _SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no
 def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     before = _with_their_labels(["" if _RULE.fullmatch(line) else line for line in before], layout)
+    before = [*before[:skip_rows], *_comments_first(before[skip_rows:], layout)]
     channels, used = channels_above(before[skip_rows:], layout.width)
     before = ["" if at - skip_rows in used else line for at, line in enumerate(before)]
     described = _described(before[skip_rows:], layout)
@@ -100,6 +101,33 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     if units:
         names = tuple(map(with_unit, names, units))
     return replace(layout, names=names, preamble=preamble, remarks=remarks, doubts=doubts)
+
+
+def _comments_first(before: list[str], layout: TextLayout) -> list[str]:
+    """Lines above the rows, comments that stand between the names and the rows in front of the names.
+
+    A comment that has units, or says of more columns what they are than a line without its mark, stays where it is.
+    """
+    said = [line for line in before if line.strip()]
+    behind = list(itertools.takewhile(lambda line: is_comment(line, layout), reversed(said)))[::-1]
+    if not behind or len(behind) == len(said):
+        return before
+    header = said[-len(behind) - 1]
+    names = layout.filled(header)
+    if len(names) != layout.width or not all(names) or not _are_names(names, layout):
+        return before
+    bare = {line: layout.filled(_COMMENT.sub("", line)) for line in behind}
+    stay = [line for line in behind if are_units(_header_cells(line, layout)) or _roles(bare[line]) > _roles(names)]
+    if any(len(bare[line]) == len(names) and not are_units(bare[line]) for line in stay):
+        return before
+    moved = [line for line in behind if line not in stay]
+    return [*said[: -len(behind) - 1], *moved, header, *stay]
+
+
+def is_comment(line: str, layout: TextLayout) -> bool:
+    """Whether a line begins with the mark of a comment, and that mark stands between no cells."""
+    mark = _COMMENT.match(line)
+    return mark is not None and not (layout.delimiter == ";" and line.startswith(";"))
 
 
 def _by_position(
@@ -241,7 +269,7 @@ def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
 
 def _header_cells(line: str, layout: TextLayout) -> list[str]:
     """The names in a line above the rows: cut as these are, or as it is usual behind a comment's mark."""
-    bare = _COMMENT.sub("", line) if not (layout.delimiter == ";" and line.startswith(";")) else line
+    bare = _COMMENT.sub("", line) if is_comment(line, layout) else line
     bare = _LABEL.sub("", bare)
     if layout.delimiter == CELL:
         cells = without_trailing(split_cells(bare, CELL))

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
-from rw_ekf.logs.header_rows import with_names
+from rw_ekf.logs.header_rows import is_comment, with_names
 from rw_ekf.logs.text_cells import BLANKS, MARKS, TextLayout, has_units, is_number, is_stamp
 from rw_ekf.logs.text_forms import MARK, labelled_form, stamped_form
 
@@ -152,10 +152,9 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
         return _rows(lines, replace(layout, begins_with_value=True), skip_rows)
     near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in map(max, widths, wordy)]
     need = min(_AGREE, lines_of_it)
-    begins = next(
-        (i for i in range(len(widths)) if widths[i] and all(near[i : i + need]) and len(near[i : i + need]) == need),
-        None,
-    )
+    kept = [at for at, line in enumerate(lines[: len(widths)]) if widths[at] or not is_comment(line, layout)]
+    runs = (kept[place : place + need] for place in range(len(kept) - need + 1))
+    begins = next((run[0] for run in runs if widths[run[0]] and all(near[at] for at in run)), None)
     if begins is None:
         return 0, layout, 0.0, 0
     while begins and wordy[begins - 1] == width:

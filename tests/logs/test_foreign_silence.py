@@ -162,3 +162,42 @@ def test_words_in_brackets_are_no_unit(tmp_path: Path, run: rw_ekf.Log, remark: 
     """A word that says which current it is asks nothing, and its size says amperes as before."""
     text = _csv(run, f"time_s,rpm,Current {remark}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
     assert not _guess(tmp_path / "a.csv", text).guess.questions
+
+
+@pytest.mark.parametrize(
+    "comment",
+    ["# missing reply", "# missing reply\n# missing reply", "# time current speed", "# t, I, n", "# 0 0 0", "% started",
+     "// started logging now", "; note one two", "! warn a b", "# current sensor offset", "# run of wheel 7\n\n# go"],
+)  # fmt: skip
+def test_a_comment_behind_the_names_is_none_of_them(tmp_path: Path, run: rw_ekf.Log, comment: str) -> None:
+    """What a logger remarks between the names and the rows changes no name, also with as many words as columns."""
+    for mark in (",", "\t", "|"):
+        header = f"time [s]{mark}current [A]{mark}speed [rpm]"
+        text = _csv(run, f"{header}\n{comment}", lambda i, t, w, c: f"{t!r}{mark}{c!r}{mark}{w * RPM!r}")  # noqa: B023
+        found = _guess(tmp_path / "a.csv", text).guess
+        assert found.mapping()["speed_rpm"] == {"column": "speed [rpm]"}
+        assert found.mapping()["current_A"] == {"column": "current [A]"}
+
+
+def test_comments_between_the_first_rows_leave_the_names(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where a reply is missing again after one row, that row is the first one all the same."""
+    text = _csv(run, "time [s],current [A],speed [rpm]\n# missing reply", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
+    lines = text.split("\n")
+    lines[3:3] = ["# missing reply"]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s == pytest.approx(run.speed_rad_s)
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["# time [s],current [A],speed [rpm]", "my log of today\n# time [s],current [A],speed [rpm]",
+     "% run 7\n% time [s], current [A], speed [rpm]",
+     "time,current,speed\n# s,A,rpm", "time,current,speed\n# [s] [A] [rpm]",
+     "a,b,c\n# time [s],current [A],speed [rpm]"],
+)  # fmt: skip
+def test_names_and_units_may_be_a_comment(tmp_path: Path, run: rw_ekf.Log, head: str) -> None:
+    """A line with a comment's mark has the names where no other has them, and units where it has these."""
+    text = _csv(run, head, lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
+    mapping = _guess(tmp_path / "a.csv", text).guess.mapping()
+    assert "rpm" in str(mapping["speed_rpm"])
+    assert "[A]" in str(mapping["current_A"])
