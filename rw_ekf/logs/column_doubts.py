@@ -55,6 +55,7 @@ _OF_A_SECOND = re.compile(r"(?<=[_ .])(?:[cdk]|centi|deci|kilo)s(?:ec\w*)?$", re
 _TAKEN_OUT = re.compile(r"correct|compens|remov|korrig|subtract", re.IGNORECASE)  # current (offset corrected)
 _SPEEDS = ("speed_rad_s", "speed_rpm")
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
+_SELDOM = 0.01  # of the rows go so fast: no other unit makes these readings
 _LEAST_UNITS = 2  # in brackets at other columns, where a word there is to be one
 _TAIL = re.compile(r"[\W_].*")
 _IDS = frozenset((
@@ -62,6 +63,7 @@ _IDS = frozenset((
     "wheelid", "motorid", "rwid", "instance", "canid", "can", "dut", "bearing", "specimen", "esc",
 ))  # fmt: skip
 _BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
+_INDEXED = re.compile(r"\[\d{1,3}\]$")  # motor[2], one of several, and what tells none apart
 _INSTANCE = re.compile(
     r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda|rpm|speed|omega|torque|current|cur|drive|esc|joint|servo)[\W_]?"
     r"(?P<which>\d{1,2}|[A-D]|[xyz])(?![A-Za-z0-9])|(?<![A-Za-z])m(?P<motor>\d{1,2})(?![A-Za-z0-9])|"
@@ -139,7 +141,7 @@ def _doubts(
     }:
         yield f"{column.shown}: x and y stand beside it: is it the wheel's angle, or the heading of a vehicle?", (line,)
     if line.name.startswith("speed"):
-        yield from _doubts_of_speed(one, bool(told.unit("speed_rad_s", "speed_rpm")))
+        yield from _doubts_of_speed(one, table, bool(told.unit("speed_rad_s", "speed_rpm")))
 
 
 def _scaled(line: Line, factor: str) -> Iterator[Line]:
@@ -151,7 +153,7 @@ def _scaled(line: Line, factor: str) -> Iterator[Line]:
         yield replace(line, entry=line.entry | {"scale": float(f"{scale:.12g}")})
 
 
-def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
+def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
     line, column = one
     said, unit = column.said, column.said.unit
     per = unit is not None and bool(unit.per)
@@ -176,8 +178,17 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
         return
     if column.name.lower() in ("drpm", "mrpm"):
         yield f"{column.shown}: tenths or thousandths of 1/min, a difference, or the motor's?", (line,)
-    if not unit.per and (fastest := unit.factor * column.top) > _FASTEST_RAD_S:
-        yield f"{column.shown} would go to {fastest:.3g} rad/s in {said.unit_text}: in which unit is it?", (line,)
+    fast = np.abs(column.values) > _FASTEST_RAD_S / unit.factor
+    if not unit.per and fast.any():
+        rest = float(np.nanmax(np.abs(column.values[~fast]), initial=0.0))
+        if float(np.mean(fast)) < _SELDOM and np.isfinite(column.top):
+            text = f"goes to {column.top:.10g} in {int(fast.sum())} of {table.rows} rows, else to {rest:.4g}"
+            marks = np.unique(column.values[fast]) if column.factor == 1.0 else ()
+            gaps = (replace(line, entry=line.entry | {"missing": float(mark)}) for mark in marks)
+            yield f"{column.shown} {text}: readings, or gaps?", (line, *(gaps if len(marks) == 1 else ()))
+        elif np.isfinite(column.top):  # else its reader says where
+            fastest = unit.factor * column.top
+            yield f"{column.shown} would go to {fastest:.3g} rad/s in {said.unit_text}: in which unit is it?", (line,)
     if said.unit_text.lower() == "hz" and not said.any_of(*_TURNING):
         pulses = replace(line, entry=line.entry | {"unit": "pulses/s", "counts_per_turn": 7})
         yield f"{column.shown} may count pulses or electrical periods: how many are a turn?", (line, pulses)
@@ -234,7 +245,7 @@ def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -
     often = twice.size > 0 and float(np.mean(twice)) >= _TWICE
     for column in columns:
         words = {word for word in column.said.words if "_" not in word} - _BESIDE_IDS
-        if column.said.unit is not None:
+        if column.said.unit is not None or _INDEXED.search(column.name):
             continue
         named = bool(words) and words <= _IDS
         found = table.distinct(column.number, _MOST_WHEELS) if named or often else []

@@ -68,6 +68,10 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
             _take_current(next(c for c in columns if c.number == number), name, told, guess)
         return
     asked = len(guess.questions)
+    spoilt = next((c for c in columns if c.role in ("current", "current_set") and c.spoilt), None)
+    if spoilt is not None and not any(c.role == spoilt.role and c.moves and c.rank >= spoilt.rank for c in columns):
+        guess.ask("current_A", f"{spoilt.shown} {spoilt.spoilt}; or --set current=COLUMN.")
+        return
     if _find_currents(columns, told, guess) or len(guess.questions) > asked:
         return
     for role, note in _DRIVES:

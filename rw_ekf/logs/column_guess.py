@@ -153,7 +153,8 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
         return Clock(-1, np.arange(table.rows) / rate[0])
     rising = [c for c in columns if not c.name and np.all(np.diff(c.values) > 0.0) and table.rows > 2]
     text = "no column is known to be the time: --set time=COLUMN, or --set rate_hz=ROWS_A_SECOND."
-    refused = [no_clock(c.shown, c.values, c.said) for c in columns if c.role == "time"]
+    times = [c for c in columns if c.role == "time"]
+    refused = [f"{c.shown} {c.spoilt}" if c.spoilt else no_clock(c.shown, c.values, c.said) for c in times]
     text = "; ".join([*filter(None, refused[:1]), text])
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None

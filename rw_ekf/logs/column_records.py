@@ -32,6 +32,7 @@ _DEFINED = re.compile(
 _CLAUSE = re.compile(r"[;,](?![^\[(]*[\])])")  # none within brackets
 _SIGNED: tuple[Role, ...] = ("speed", "speed_set", "current", "current_set")
 _COUNTING: tuple[Role, ...] = ("time", "count", "segment", "direction", "other")  # has no reading to miss
+_READ: tuple[Role, ...] = ("time", "speed", "current", "current_set", "torque", "voltage", "angle")
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
 
@@ -104,6 +105,7 @@ class Column:
     factor: float = 1.0  # by which its numbers were multiplied here, as the file says of them
     offset: float = 0.0  # that was added then
     bare_name: str = ""  # its name without what only says that its numbers are converted
+    spoilt: str = ""  # a clause on what stands in it that is no number, where most of it is, or on lists
 
     @property
     def shown(self) -> str:
@@ -218,7 +220,21 @@ def columns_of(table: RawTable) -> list[Column]:
         bare = spoken(name) if spoken(name) != name else ""
         values = values if (factor, offset) == (1.0, 0.0) else factor * values + offset
         found.append(Column(number, name, said, role, values, key, remark, by_habit, mark, turn, factor, offset, bare))
+    for column in found:
+        if column.role in _READ and table.is_text(column.number) and not np.isfinite(column.values).any():
+            column.spoilt = _spoilt(table, column.number)
     return _without_terms(_without_raw(found))
+
+
+def _spoilt(table: RawTable, number: int) -> str:
+    """A clause on the first cell of a column of words that is no number, where most are; or on lists in it."""
+    cells = [str(cell or "") for cell in table.cells(number)]
+    odd = [row for row, cell in enumerate(cells) if number_or_none(cell) is None]
+    if odd and len(odd) < LEAST_SHARE * len(cells):
+        return f"has {cells[odd[0]]!r} in {table.place(odd[0])}, which is no number: leave the cell empty for a gap"
+    lists = [cell for cell in cells if cell.strip().startswith("[")]
+    said = f"holds lists, such as {lists[0]!r}: a column for each value is needed" if lists else ""
+    return said if len(lists) > LEAST_SHARE * len(cells) else ""
 
 
 def _factor_of(said: Factor, values: Float64Array, role: Role) -> tuple[float, float, str]:

@@ -46,6 +46,10 @@ def find_speed(
     if still is not None and all(c.said.has("linear") for c in speeds):  # gyros, or the vehicle's speed over ground
         candidates = [] if what == "speed" else candidates
     column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess, _known_line)
+    spoilt = next((c for c in columns if c.role == "speed" and c.spoilt), None) if given is None else None
+    if spoilt is not None and (column is None or column.role == "angle" or spoilt.rank > column.rank):
+        guess.ask("speed_rad_s", f"{spoilt.shown} {spoilt.spoilt}; or --set speed=COLUMN.")
+        return None
     if column is None:
         if len(guess.questions) == asked:
             why = "" if still is None else f"{still.shown} never changes, and "

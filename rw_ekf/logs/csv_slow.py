@@ -97,7 +97,8 @@ def _rows(file: CsvFile, name: str) -> Iterator[Iterator[tuple[int, list[str]]]]
 def _append(file: CsvFile, name: str, columns: list[list[Any]], lines: list[int], row: tuple[int, list[str]]) -> None:
     line, cells = row
     if len(cells) != len(file.names):
-        hint = "; a decimal comma, or another delimiter?" if len(cells) > len(file.names) else ""
+        longer = "; a decimal comma, or another delimiter?" if len(cells) > len(file.names) else ""
+        hint = ", as the rows before it: mend or remove that line" if lines and len(file.names) > 1 else longer
         known = "the header has" if file.has_header else "the first row has"
         raise LogError(f"{name}: line {line}: {len(cells)} fields where {known} {len(file.names)}{hint}")
     for index, cell in enumerate(cells):

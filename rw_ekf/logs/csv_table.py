@@ -11,6 +11,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import CsvLayout
 from rw_ekf.logs.csv_slow import CsvFile, place_finder, read_slowly
@@ -58,7 +60,7 @@ def read_csv_table(
         return read
     if found is None:
         read = _read_plain(text, layout, must_be_numeric, name_shown)
-        if not _begins_with_numbers(read):
+        if not (_begins_with_numbers(read) or _holds_infinity(read)):
             return read
         found = _layout_of(text, layout)
         if found is None:
@@ -76,6 +78,13 @@ def read_csv_table(
         count, first = len(written.left_out), written.left_out[0]
         lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"
         read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
+    gaps = [gap for gap in written.gaps if gap.column < len(read.columns) and not read.is_text(gap.column)]
+    if gaps:
+        texts = ", ".join(f"{text!r}" for text in dict.fromkeys(gap.text for gap in gaps))
+        cells = f"{len(gaps)} cells, first in line" if len(gaps) > 1 else "a cell of line"
+        read.warnings.append(
+            f"{name_shown}: {texts} stands for a number in {cells} {gaps[0].line}: it is taken for a gap"
+        )
     if written.another is not None:
         shown = written.another[:_SHOWN]
         read.doubts += (f"{shown!r} stands between the rows: are those behind it of the same wheel?",)
@@ -107,7 +116,17 @@ def _begins_with_numbers(table: RawTable) -> bool:
     words = [number for number in range(len(table.names)) if table.is_text(number)]
     begun = [[str(cell) for cell in table.columns[number].slice(0, _LEAST_ROWS).to_pylist()] for number in words]
     numbers = (cells for cells in begun if all(number_or_none(cell) is not None and cell.strip() for cell in cells))
-    return any(numbers) and not ("time_s" in table.names and {"speed_rad_s", "speed_rpm"} & {*table.names})
+    return any(numbers) and not _has_own_names(table)
+
+
+def _holds_infinity(table: RawTable) -> bool:
+    """Whether a number of a foreign table is infinite, as what is over a range is written."""
+    foreign = not _has_own_names(table)
+    return foreign and any(bool(np.isinf(table.numbers(number)).any()) for number in range(len(table.names)))
+
+
+def _has_own_names(table: RawTable) -> bool:
+    return "time_s" in table.names and bool({"speed_rad_s", "speed_rpm"} & {*table.names})
 
 
 def _is_own(head: bytes, layout: CsvLayout) -> bool:

@@ -6,7 +6,7 @@ import itertools
 import re
 from typing import NamedTuple
 
-from rw_ekf.logs.text_cells import TextLayout
+from rw_ekf.logs.text_cells import TextLayout, is_told_gap
 from rw_ekf.logs.text_forms import who_says
 from rw_ekf.logs.text_layout import lines_of
 
@@ -20,6 +20,14 @@ _SAID = 40  # lines
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"
 
 
+class Gap(NamedTuple):
+    """What stands in a cell of a column (from 0) in place of a number, and in which line."""
+
+    column: int
+    text: str
+    line: int
+
+
 class PlainText(NamedTuple):
     """UTF-8 text with commas, points and a row of names; what is no row of the table has become a blank line."""
 
@@ -27,6 +35,7 @@ class PlainText(NamedTuple):
     left_out: tuple[int, ...]  # physical lines behind the first row that hold no row
     another: str | None = None  # the first of them that names a wheel, or other columns
     words: tuple[str, ...] = ()  # those of them that say something
+    gaps: tuple[Gap, ...] = ()  # what stood in cells that are empty now
 
 
 def rewritten(text: bytes, layout: TextLayout) -> PlainText:
@@ -38,6 +47,7 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
     if layout.names and out:
         out[-1] = _row(list(layout.names))
     left_out = []
+    gaps: list[Gap] = []
     rows = [_cells(line, layout) for line in lines[layout.first_line - 1 :]]
     whole = sum(len(cells) >= layout.width for cells in rows)
     least = layout.width if whole > _NEARLY_ALL * sum(map(bool, rows)) else 1
@@ -49,7 +59,11 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
             out.append("")
             continue
         filled = cells if last else [*cells, *[""] * (layout.width - len(cells))]
-        out.append(_row(layout.numbers(["" if _UNREADABLE in cell else cell for cell in filled])))
+        numbers = layout.numbers(["" if _UNREADABLE in cell else cell for cell in filled])
+        if "nan" in numbers:
+            found = zip(filled, numbers, strict=True)
+            gaps += [Gap(at, cell, number) for at, (cell, it) in enumerate(found) if it == "nan" and is_told_gap(cell)]
+        out.append(_row(numbers))
     ended = "\n" if text[-4:].translate(None, b"\0").endswith((b"\n", b"\r")) else ""
     before = {match[0] for line in layout.preamble for match in _WHEEL.finditer(line)}
     named = ((lines[number - 1], match[0]) for number in left_out for match in _WHEEL.finditer(lines[number - 1]))
@@ -60,7 +74,8 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
     another = next((line for line, wheel in named if wheel not in before), next(other, None))
     if another is None and layout.form.labels:
         another = _of_another([line for line, cells in zip(lines[layout.first_line - 1 :], rows, strict=True) if cells])
-    return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another, tuple(dict.fromkeys(said))[:_SAID])
+    words = tuple(dict.fromkeys(said))[:_SAID]
+    return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another, words, tuple(gaps))
 
 
 def _of_another(lines: list[str]) -> str | None:

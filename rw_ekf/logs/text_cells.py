@@ -40,8 +40,10 @@ _MOST_LINES = 0.6  # have a unit in a cell where cells of the file do
 _DIRECTED = re.compile(r"(?P<way>[^\W\d_]{2,})[ :]+(?P<size>\d[\d.,]*(?:[eE][+-]?\d+)?)")  # CCW 512
 _GAPS = frozenset({
     "n/a", "na", "null", "none", "inf", "-inf", "+inf", "err", "error", "ovf", "ovl", "ovld", "overflow", "overrange",
-    "invalid", "timeout", "nodata", "no data",
+    "invalid", "timeout", "nodata", "no data", "n.a.", "n.a", "n/d", "ovr", "ol", "o.l", "o.l.", "over", "over range",
+    "over-range", "overload", "bad", "bad value", "no reading", "missing", "out of range",
 })  # fmt: skip
+_QUIET = frozenset({"n/a", "na", "null", "none", "nan", "+nan", "-nan"})  # gaps of which nobody need be told
 _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an oscilloscope's reading over its range
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 _TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width
@@ -148,6 +150,11 @@ class TextLayout:
         elif "#" in cell or _NO_VALUE.fullmatch(cell) or cell.lower() in _GAPS:
             return "nan"
         return cell
+
+
+def is_told_gap(cell: str) -> bool:
+    """Whether a cell that is taken for a gap says that there was something: `OVR`, `Inf`, `#DIV/0!`."""
+    return cell.lower() not in _QUIET and _NO_VALUE.fullmatch(cell) is None
 
 
 def is_number(cell: str, decimal: str) -> bool:

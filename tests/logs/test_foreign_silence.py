@@ -201,3 +201,59 @@ def test_names_and_units_may_be_a_comment(tmp_path: Path, run: rw_ekf.Log, head:
     mapping = _guess(tmp_path / "a.csv", text).guess.mapping()
     assert "rpm" in str(mapping["speed_rpm"])
     assert "[A]" in str(mapping["current_A"])
+
+
+def _with_cells(log: rw_ekf.Log, cells: dict[int, str]) -> str:
+    """Rows in which some speeds, by row, are other cells."""
+    return _csv(
+        log, "Time [s],Speed [rpm],Current [A]", lambda i, t, w, c: f"{t!r},{cells.get(i, repr(w * RPM))},{c!r}"
+    )
+
+
+@pytest.mark.parametrize("mark", ["OVR", "OL", "N.A.", "overflow", "Bad", "#N/A", "Inf", "-inf", "---", "#DIV/0!"])
+def test_what_stands_for_a_number_is_a_gap_and_told(tmp_path: Path, run: rw_ekf.Log, mark: str) -> None:
+    """A meter's `OVR` is a gap, and one line says what was taken for one and where; a dash is told to nobody."""
+    (tmp_path / "a.csv").write_text(_with_cells(run, {300: mark, 400: mark}))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert np.flatnonzero(np.isnan(log.speed_rad_s)).tolist() == [300, 400]
+    told = [text for text in log.warnings if "taken for a gap" in text]
+    assert len(told) == (mark != "---")
+    assert all(f"{mark!r} stands for a number in 2 cells, first in line 302" in text for text in told)
+
+
+@pytest.mark.parametrize("cell", ["see note", "12x4"])
+def test_a_cell_that_is_no_number_is_shown_with_its_line(tmp_path: Path, run: rw_ekf.Log, cell: str) -> None:
+    """One word in a column of numbers does not make it one that never changes."""
+    (asked,) = _guess(tmp_path / "a.csv", _with_cells(run, {300: cell})).guess.questions
+    assert f"column 'Speed [rpm]' has '{cell}' in line 302, which is no number" in asked.text
+    text = _csv(run, "t_s,rpm,I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{'x' if i == 30 else repr(c)}")
+    (asked,) = _guess(tmp_path / "b.csv", text).guess.questions
+    assert "column 'I [A]' has 'x' in line 32" in asked.text
+
+
+def test_lists_in_cells_are_named(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`"[10, 9]"` is no number, and the question says that it is a list."""
+    text = _csv(run, "timestamp,speed,I_motor", lambda i, t, w, c: f'{t!r},"[{w:.3f}, {i}]",{c!r}')
+    (asked,) = _guess(tmp_path / "a.csv", text).guess.questions
+    assert "column 'speed' holds lists, such as '[" in asked.text
+
+
+def test_a_reading_that_no_machine_has_is_no_other_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """One speed of a million rad/s and more is asked about as a reading, with the line that makes a gap of it."""
+    (asked,) = _guess(tmp_path / "a.csv", _with_cells(run, {300: "98765432"})).guess.questions
+    assert "goes to 98765432 in 1 of 600 rows" in asked.text
+    assert [line.entry.get("missing") for line in asked.answers] == [None, 98765432.0]
+
+
+def test_a_row_with_a_cell_too_many_is_named(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where the rows before are whole, no other delimiter is suspected: the line is to be mended."""
+    (tmp_path / "a.csv").write_text(_with_cells(run, {300: "1,2"}))
+    with pytest.raises(rw_ekf.Error, match="line 302: 4 fields where the header has 3, as the rows before it: mend or"):
+        rw_ekf.read(tmp_path / "a.csv")
+
+
+def test_one_of_several_outputs_tells_no_wheels_apart(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`motor[2]` of few values is an output beside `motor[1]`, and no choice of rows is asked for."""
+    header = "t_s,rpm,I [A],motor[1],motor[2]"
+    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{137 + i % 8},{140 + i % 5}")
+    assert not _guess(tmp_path / "a.csv", text).guess.questions
