@@ -8,6 +8,7 @@ that fit as well, or a unit that may be either of two, are a question: no number
 from __future__ import annotations
 
 import math
+import shlex
 
 import numpy as np
 
@@ -92,13 +93,14 @@ def _counts_down(column: Column) -> bool:
 def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Guess) -> Clock | None:
     """Choose the time: of the clocks that fit best the first, else the rows where their rate is known."""
     given = told.of("time_s")
-    unit = told.unit("time_s")
+    unit, scale = told.unit("time_s"), told.more.get("time_s", {}).get("scale")
+    unit = unit or ("s" if isinstance(scale, float) else "")  # which was given with it
 
     def clocks_among(columns: list[Column]) -> list[Clock]:
         found = [
             clock_of(
                 c.number, c.name, c.said, (-1.0 if _counts_down(c) else 1.0) * c.values, unit,
-                not table.is_plain_number(c.number),
+                not table.is_plain_number(c.number), scale if isinstance(scale, float) else 1.0,
             )
             for c in columns
         ]  # fmt: skip
@@ -145,7 +147,8 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     rate = told.rate or rate_in((*table.preamble, *table.names))
     if rate is not None and (steps := next((c for c in columns if _counts_steps(c)), None)) is not None:
         text = f"{steps.shown} rises by some {usual_step(_known(steps)):.4g} from row to row, and '{rate[1]}' is said"
-        guess.ask("time_s", f"{text}: how many of them are a second? --set time={steps.key} --set time.scale=SECONDS.")
+        how = f"--set {shlex.quote(f'time={steps.key}')} --set time.scale=SECONDS"
+        guess.ask("time_s", f"{text}: how many of them are a second? {how}.")
         return None
     if rate is not None:
         guess.options["rate_hz"] = rate[0]

@@ -75,8 +75,10 @@ class Clock:
     notes: list[str] = field(default_factory=list)
 
 
-def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str, stamps: bool) -> Clock | None:
-    """A column (n,) as a clock; told: the unit that was given. None where it holds no rising numbers."""
+def clock_of(
+    number: int, name: str, said: Said, values: Float64Array, told: str, stamps: bool, scale: float = 1.0
+) -> Clock | None:
+    """A column (n,) as a clock; told: the unit that was given, `scale` of it each. None where no numbers rise."""
     if len(values) < 3 or not np.isfinite(values).all() or float(np.ptp(values)) == 0.0:
         return None
     wrap = _wrap(values)
@@ -85,7 +87,7 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     said_unit = _unit(name, said, raw, told, stamps, usual)
     unit, asks, why = _by_steps(raw, usual) if said_unit is None else said_unit
     known = unit_of(unit) if unit else None
-    time_s = raw * (known.factor if known is not None else 1.0)
+    time_s = raw * (scale * (known.factor if known is not None else 1.0))
     clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap, concluded=said_unit is None)
     if clock.concluded and _is_packed(raw):
         clock.odd = "jumps where 60 would be full: is it a time of day, or minutes and seconds, without colons?"

@@ -21,7 +21,7 @@ from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
 from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
 from rw_ekf.logs.raw_table import RawTable, stacked
-from rw_ekf.logs.side_by_side import beside_each_other, in_turn, with_whole_time
+from rw_ekf.logs.side_by_side import beside_each_other, in_turn, with_whole_time, without_empty_rows
 from rw_ekf.logs.sums import all_sums, part_key, sums_of
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.logs.which_wheel import rows_of_wheel
@@ -207,4 +207,5 @@ def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     table = format_of(path, name).read(path, name, columns)
     if not needs_guess(table):
         return table
+    table = without_empty_rows(table)
     return with_whole_time(widened(table) or beside_each_other(table) or in_turn(table) or table)

@@ -38,6 +38,31 @@ _PARTS = {
 }
 
 
+def without_empty_rows(table: RawTable) -> RawTable:
+    """The table without rows that hold nothing at all, where a column tells the time of the others or counts them."""
+    clocks = [number for number, name in enumerate(table.names) if role_of(said_by(name)) in ("time", "count")]
+    empty = _is_empty(table, clocks[0]) if clocks else np.zeros(0, dtype=np.bool_)
+    if not empty.any():
+        return table
+    for number in range(len(table.names)):
+        empty &= _is_empty(table, number)
+    count, kept = int(empty.sum()), np.flatnonzero(~empty)
+    if not count or not kept.size:
+        return table
+    found = table.at_rows(kept)
+    first = table.place(int(np.argmax(empty)))
+    rows = f"{count} rows without a time or a value were" if count > 1 else "1 row without a time or a value was"
+    found.warnings = [*table.warnings, f"{table.path}: {rows} skipped, first at {first}"]
+    return found
+
+
+def _is_empty(table: RawTable, number: int) -> BoolArray:
+    """Whether the cells of a column (n,) are empty."""
+    if table.is_text(number):
+        return np.array([cell is None or not str(cell).strip() for cell in table.cells(number)])
+    return np.isnan(table.numbers(number, stamps=True))
+
+
 def with_whole_time(table: RawTable) -> RawTable:
     """The table with a column `sec + nsec [s]` where its time is in two, whole seconds and a part of one.
 

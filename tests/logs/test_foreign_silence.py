@@ -257,3 +257,39 @@ def test_one_of_several_outputs_tells_no_wheels_apart(tmp_path: Path, run: rw_ek
     header = "t_s,rpm,I [A],motor[1],motor[2]"
     text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{137 + i % 8},{140 + i % 5}")
     assert not _guess(tmp_path / "a.csv", text).guess.questions
+
+
+_STEPS = "%Timestep increments at 8kHz\n%timestep (8Hz),voltage,velocity\n%[#],[V],[turns/s]"
+
+
+def test_a_time_whose_scale_was_given_is_asked_about_no_more(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`--set time=COLUMN --set time.scale=0.000125` answers what a step is, also where steps are uneven."""
+    text = _csv(run, _STEPS, lambda i, t, w, c: f"{800 * i + 7 * (i % 3)},{c!r},{w / 6.283185307:.6f}")
+    (tmp_path / "a.csv").write_text(text)
+    assert "--set 'time=timestep (8Hz) [#]'" in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions[0].text
+    found = rw_ekf.guess_columns(tmp_path / "a.csv", time="timestep (8Hz) [#]", time__scale=0.000125)
+    assert not found.guess.questions
+    log = rw_ekf.read(tmp_path / "a.csv", columns=found.column_map)
+    assert log.time_s[3] - log.time_s[0] == pytest.approx(0.3)
+
+
+def test_rows_that_hold_nothing_are_skipped_and_counted(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A row of nan alone has no time that could be missing; one that has a value but no time is refused as before."""
+    lines = _csv(run, "t [s],rpm,I [A],note", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},").split("\n")
+    lines[12:12], lines[31:31] = ["nan,nan,nan,"], [",,,"]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.time_s == pytest.approx(run.time_s)
+    assert any("2 rows without a time or a value were skipped, first at line 13" in text for text in log.warnings)
+    lines[12] = "nan,12,nan,"
+    (tmp_path / "b.csv").write_text("\n".join(lines))
+    with pytest.raises(rw_ekf.Error):
+        rw_ekf.read(tmp_path / "b.csv")
+
+
+def test_without_a_column_of_time_an_empty_row_is_a_gap(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where rows are the clock, none of them is skipped."""
+    lines = _csv(run, "# sampling rate 10 Hz\nrpm,I_motor", lambda i, t, w, c: f"{w * RPM!r},{c!r}").split("\n")
+    lines[12] = "nan,nan"
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    assert rw_ekf.read(tmp_path / "a.csv").time_s == pytest.approx(run.time_s)
