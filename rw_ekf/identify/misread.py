@@ -179,7 +179,10 @@ def _of_set_point(log: WheelLog) -> str:
 
 
 def _clock_set_forward(log: WheelLog, course: Course, noise: float) -> Iterator[str]:
-    """A gap over which nothing happened: the drive the same, and the speed where one row would have brought it."""
+    """A gap over which nothing happened: the speed is where one row would have brought it, and two of these hold.
+
+    The drive is the same; it would have moved the wheel; the gap is of half hours, as a summer's time has them.
+    """
     time, speed, current = log.time_s, log.speed_rad_s, log.current_A
     step = np.diff(time)
     inside = np.diff(log.segment) == 0
@@ -196,14 +199,15 @@ def _clock_set_forward(log: WheelLog, course: Course, noise: float) -> Iterator[
     read = Reading.of(before_gaps.change, before_gaps.integrals)
     spread = float(np.ptp(current))
     for i in gaps:
-        if abs(current[i + 1] - current[i]) > 0.05 * spread or not np.isfinite(speed[i : i + 2]).all():
+        if not np.isfinite(speed[i : i + 2]).all():
             continue
+        same = bool(abs(current[i + 1] - current[i]) <= 0.05 * spread)
         push = read.gain * current[i] - read.viscous * speed[i] - read.coulomb * np.sign(speed[i])
         off = speed[i + 1] - speed[i] - push * usual
         by = float(step[i] - usual)
         whole = abs(by / _HALF_HOUR_S - round(by / _HALF_HOUR_S)) * _HALF_HOUR_S < usual and by > 0.5 * _HALF_HOUR_S
         moved = abs(push) * by > max(30.0 * noise, 10.0 * abs(off)) and read.is_machine(before_gaps.top_speed)
-        if abs(off) < 4.0 * math.sqrt(2.0) * noise and (moved or whole):
+        if abs(off) < 4.0 * math.sqrt(2.0) * noise and same + moved + whole >= 2:
             yield clock_sentence(by, f"{time[i]:.10g} s", step[even])
             return
 

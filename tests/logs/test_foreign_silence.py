@@ -293,3 +293,23 @@ def test_without_a_column_of_time_an_empty_row_is_a_gap(tmp_path: Path, run: rw_
     lines[12] = "nan,nan"
     (tmp_path / "a.csv").write_text("\n".join(lines))
     assert rw_ekf.read(tmp_path / "a.csv").time_s == pytest.approx(run.time_s)
+
+
+def test_a_clock_that_goes_to_summer_time_is_doubted(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where stamps jump by an hour between two rows, the drive may change there: the wheel went on for a row alone."""
+    change = int(np.argmax(np.abs(np.diff(run.current_A[5:])))) + 6
+
+    def stamped(i: int, t: float) -> str:
+        return f"2026-03-29 0{1 + (i >= change)}:59:{t % 60.0:06.3f}"
+
+    text = _csv(run, "Time,Speed [rpm],I [A]", lambda i, t, w, c: f"{stamped(i, t)},{w * RPM!r},{c!r}")
+    doubts = _guess(tmp_path / "a.csv", text).doubts
+    assert any("the clock was set forward by 3600 s" in text for text in doubts), doubts
+
+
+def test_an_hour_between_two_runs_is_a_pause(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A wheel that has stopped over an hour has not been told another time."""
+    text = _csv(run, "t_s,Speed [rpm],I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    later = _csv(run, "", lambda i, t, w, c: f"{t + run.time_s[-1] + 3600.1!r},{w * RPM!r},{c!r}").lstrip("\n")
+    assert abs(run.speed_rad_s[-1]) > 1.0
+    assert not _guess(tmp_path / "a.csv", text + later).doubts
