@@ -17,6 +17,10 @@ from rw_ekf.logs.raw_table import RawTable, number_or_none
 _MAX_SHOWN = 40  # characters of a bad cell in a message
 
 
+class NoNumberError(LogError):
+    """A cell of a column of numbers holds something else."""
+
+
 @dataclass(frozen=True)
 class CsvFile:
     """A CSV file whose header has been read."""
@@ -105,7 +109,7 @@ def _append(file: CsvFile, name: str, columns: list[list[Any]], lines: list[int]
         value = number_or_none(cell) if file.numeric[index] else cell
         if value is None:
             column = f"column '{file.names[index]}'" if file.names[index] else f"column {index}"
-            raise LogError(
+            raise NoNumberError(
                 f"{name}: line {line}, {column}: {_shown(cell)} is not a number: mend the cell, or leave it empty "
                 "for a gap"
             )

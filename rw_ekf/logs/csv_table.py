@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import CsvLayout
-from rw_ekf.logs.csv_slow import CsvFile, place_finder, read_slowly
+from rw_ekf.logs.csv_slow import CsvFile, NoNumberError, place_finder, read_slowly
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
@@ -59,12 +59,16 @@ def read_csv_table(
         read.preamble = (*read.preamble, *cut[1])
         return read
     if found is None:
-        read = _read_plain(text, layout, must_be_numeric, name_shown)
-        if not (_begins_with_numbers(read) or _holds_infinity(read)):
-            return read
-        found = _layout_of(text, layout)
-        if found is None:
-            return read
+        try:
+            read = _read_plain(text, layout, must_be_numeric, name_shown)
+        except NoNumberError:  # it may stand for a gap, behind what was looked at
+            found = None if _is_own(head, layout) else _layout_of(text, layout)
+            if found is None:
+                raise
+        else:
+            found = _layout_of(text, layout) if _begins_with_numbers(read) or _holds_infinity(read) else None
+            if found is None:
+                return read
     with text.open() as stream:
         written = rewritten(stream.read(), found)
     above = bool(found.names) and found.first_line > 1  # names have a line of their own, as a rule

@@ -216,6 +216,8 @@ def test_what_stands_for_a_number_is_a_gap_and_told(tmp_path: Path, run: rw_ekf.
     (tmp_path / "a.csv").write_text(_with_cells(run, {300: mark, 400: mark}))
     log = rw_ekf.read(tmp_path / "a.csv")
     assert np.flatnonzero(np.isnan(log.speed_rad_s)).tolist() == [300, 400]
+    mapped = rw_ekf.read(tmp_path / "a.csv", columns=rw_ekf.guess_columns(tmp_path / "a.csv").column_map)
+    assert np.array_equal(mapped.speed_rad_s, log.speed_rad_s, equal_nan=True)
     told = [text for text in log.warnings if "taken for a gap" in text]
     assert len(told) == (mark != "---")
     assert all(f"{mark!r} stands for a number in 2 cells, first in line 302" in text for text in told)
@@ -226,6 +228,9 @@ def test_a_cell_that_is_no_number_is_shown_with_its_line(tmp_path: Path, run: rw
     """One word in a column of numbers does not make it one that never changes."""
     (asked,) = _guess(tmp_path / "a.csv", _with_cells(run, {300: cell})).guess.questions
     assert f"column 'Speed [rpm]' has '{cell}' in line 302, which is no number" in asked.text
+    (tmp_path / "map.yaml").write_text("time_s: Time [s]\nspeed_rpm: Speed [rpm]\ncurrent_A: Current [A]\n")
+    with pytest.raises(rw_ekf.Error, match=rf"line 302, column 'Speed \[rpm\]': '{cell}' is not a number"):
+        rw_ekf.read(tmp_path / "a.csv", columns=tmp_path / "map.yaml")
     text = _csv(run, "t_s,rpm,I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{'x' if i == 30 else repr(c)}")
     (asked,) = _guess(tmp_path / "b.csv", text).guess.questions
     assert "column 'I [A]' has 'x' in line 32" in asked.text
