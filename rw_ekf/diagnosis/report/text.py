@@ -89,7 +89,11 @@ def _explanations(document: Mapping[str, Any]) -> list[str]:
     if len(entries) < 2:
         return []
     lines = [f"{'+'.join(entry['effects']) or 'none'} {entry['posterior']:.2g}" for entry in entries]
-    return ["", f"  explanations that stand, with their probability: {', '.join(lines)}"]
+    other = document["verdict"]["posterior"].get("something_else", 0.0)
+    head = "explanations that stand, with their probability"
+    if other >= 0.5:
+        head = f"something else {other:.2g}; what was weighed, held against each other alone"
+    return ["", f"  {head}: {', '.join(lines)}"]
 
 
 def _candidates(document: Mapping[str, Any], rows: Sequence[CandidateRow]) -> list[str]:
