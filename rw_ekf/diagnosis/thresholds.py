@@ -112,7 +112,14 @@ CHOSEN_LOG = _number(
 TEMPERATURE = _number(
     "TEMPERATURE", 1.5, "", "evidence is too sure of itself by it", "fitted to simulated wheels, tried on others"
 )
-LEAST_POSTERIOR = _number("LEAST_POSTERIOR", 0.005, "", "an explanation below it does not stand", "chosen")
+LEAST_POSTERIOR = _number(
+    "LEAST_POSTERIOR", 0.01, "", "an explanation below it does not stand, and no rival is named beside an effect",
+    "chosen",
+)  # fmt: skip
+NOTHING_ODDS = _number(
+    "NOTHING_ODDS", 5.0, "times", "as likely beforehand nothing is missing as something is",
+    "five wheels in six are in order; of 300 such 4 wanted more at even odds",
+)  # fmt: skip
 HARDLY_MISSED = _number(
     "HARDLY_MISSED", 40.0, "statistic", "of an effect with less, the model without it is weighed too",
     "chosen",
@@ -195,6 +202,5 @@ BEYOND_DOUBT_P = _number(
 )
 
 # Words
-LEAST_TOLD = _number("LEAST_TOLD", 0.01, "", "probability of a rival that is named beside an effect", "chosen")
 DOUBTFUL = _number("DOUBTFUL", 0.1, "", "probability of an effect that is mentioned where none was named", "chosen")
 GROUP = int(_number("GROUP", 3, "", "effects that are named together", "chosen"))

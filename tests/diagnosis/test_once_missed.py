@@ -43,7 +43,7 @@ def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
     """One effect, and no other, of a wheel with one; and its posterior says so."""
     document = diagnose_log(log_of(case_called(case, seed))).document()
     assert document["verdict"]["effects"] == [effect]
-    assert document["verdict"]["posterior"][effect] > 0.9
+    assert document["verdict"]["posterior"][effect] > 0.8
 
 
 def test_a_constant_torque_that_a_law_stood_for_alone_is_named_beside_what_is_found_next() -> None:
@@ -68,7 +68,7 @@ def test_a_friction_that_wanders_is_one_effect_however_many_its_pieces(case: str
     """Named for a weak spike, or because it wanders: its probability is not that of thirty effects at once."""
     verdict = diagnose_log(log_of(case_called(case, seed))).document()["verdict"]
     assert verdict["effects"] == ["coulomb_drift"]
-    assert verdict["posterior"]["coulomb_drift"] > 0.9
+    assert verdict["posterior"]["coulomb_drift"] > 0.8
 
 
 def test_what_one_effect_does_as_well_as_two_is_a_law_before_it_is_an_event() -> None:
@@ -91,7 +91,7 @@ def test_a_drag_that_half_of_a_short_log_cannot_predict_is_named_with_what_is_li
     document = diagnose_log(log_of(case_called("elsewhere-045-cubic_drag", 23))).document()
     verdict = document["verdict"]
     assert set(verdict["indistinguishable"][0]) >= {"quadratic_drag", "cubic_drag"}
-    assert verdict["posterior"]["none"] < 0.01
+    assert verdict["posterior"]["none"] < 0.05
     assert "knows them poorly" in verdict["statement"]
     assert {tuple(item["effects"]) for item in document["explanations"]} >= {("quadratic_drag",), ("cubic_drag",)}
     assert "quadratic drag or cubic drag" in headline_of(document, Units(wheel=True, inertia_kg_m2=None))

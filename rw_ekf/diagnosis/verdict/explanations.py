@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.diagnosis.investigate.found import Found, model_of_fit
 from rw_ekf.diagnosis.ledger.evidence import testable
 from rw_ekf.diagnosis.ledger.ledger import Row, key_of
-from rw_ekf.diagnosis.thresholds import HARDLY_MISSED, LEAST_POSTERIOR, TEMPERATURE
+from rw_ekf.diagnosis.thresholds import HARDLY_MISSED, LEAST_POSTERIOR, NOTHING_ODDS, TEMPERATURE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts
@@ -67,7 +67,8 @@ def with_posteriors(weighed: list[Explanation]) -> list[Explanation]:
     Evidence is too sure of itself: near rest statistics exceed chi-square, and no model of a wheel is exact.
     """
     logs = np.array([item.log_evidence for item in weighed])
-    weights = np.exp((logs - logs.max()) / TEMPERATURE)
+    beforehand = np.array([1.0 if item.effects else NOTHING_ODDS for item in weighed])
+    weights = beforehand * np.exp((logs - logs.max()) / TEMPERATURE)
     shares = weights / weights.sum()
     found = [replace(item, posterior=float(share)) for item, share in zip(weighed, shares, strict=True)]
     return sorted(found, key=lambda item: -item.posterior)

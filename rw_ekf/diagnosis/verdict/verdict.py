@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.hypotheses.confounding import Quantity, one_and_the_same, 
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.standing import Reason
-from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_TOLD
+from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_POSTERIOR
 from rw_ekf.diagnosis.verdict.explanations import NONE
 from rw_ekf.diagnosis.verdict.posterior import SOMETHING_ELSE
 from rw_ekf.diagnosis.verdict.sentences import (
@@ -222,9 +222,9 @@ def _lacks_something(posterior: dict[str, float]) -> bool:
 
 
 def _doubt(selection: Selection, posterior: dict[str, float]) -> str:
-    """What speaks against a model to which nothing was added, where its own probability is below a half."""
+    """What speaks against a model to which nothing was added, where it is not four times as likely as anything else."""
     likeliest = max((posterior[name] for name in _effects_in(posterior)), default=0.0)
-    doubted = likeliest >= DOUBTFUL and posterior.get(NONE, 1.0) < 0.5
+    doubted = likeliest >= DOUBTFUL and posterior.get(NONE, 1.0) < 1.0 - 2.0 * DOUBTFUL
     return f"; but {_doubts(selection, posterior)}" if doubted else ""
 
 
@@ -259,7 +259,7 @@ def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float
         rivals = [
             rival.name
             for rival in selection.rivals.get(name, ())
-            if posterior.get(rival.name, 0.0) >= LEAST_TOLD or rival.name in constructed
+            if posterior.get(rival.name, 0.0) >= LEAST_POSTERIOR or rival.name in constructed
             if rival.name not in chosen and rival.name not in told
         ]
         if rivals:
