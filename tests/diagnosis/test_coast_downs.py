@@ -108,3 +108,16 @@ def test_a_drag_that_has_no_name_is_a_law_of_the_speed_and_its_curve_is_known(dr
 
     assert np.ptp(bent(curve[seen] - true[seen])) < 0.05 * np.ptp(bent(true[seen]))
     assert np.median(std[seen]) < 0.1 * np.ptp(curve[seen])
+
+
+@pytest.mark.slow
+def test_a_change_that_was_under_way_when_the_record_began_is_told_from_where_it_began() -> None:
+    """Drag that grows by a tenth until 25 s, from 15 s before the first row: its times, and its size, are found."""
+    log = coast_down(
+        lambda w, t: 0.5 + 0.001 * w + 0.05 * min(max((t + 15.0) / 40.0, 0.0), 1.0), 43, start=380.0, samples=5600
+    )
+    document = diagnose_log(log).document()
+    assert document["verdict"]["effects"] == ["change"], document["verdict"]["statement"]
+    found = next(c for c in document["candidates"] if c["effect"] == "change")["parameters"]
+    assert (found["begins_at"]["value"], found["takes_s"]["value"]) == pytest.approx((-15.0, 40.0), abs=1.0)
+    assert (found["what"]["value"], found["size"]["value"]) == ("drag", pytest.approx(0.05, rel=0.1))

@@ -48,14 +48,17 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
     profiled = Profiled(fit)
     taken = {term.law.number for term in fit.model.terms if term.law is not None}
     found, has_a_clock = [], tells_time_from_speed(fit)
-    for ground in grounds(fit, facts, columns):
+    asked = [*grounds(fit, facts, columns)]
+    # Where it turns one way none is asked: a torque is a drag.
+    torques = any(ground.quantity == "time" and ground.acts_as == "torque" for ground in asked)
+    for ground in asked:
         if ground.quantity == "time":
             spell = likeliest_spell(profiled, ground, facts)
             found += [] if spell is None else [spell]
-            if ground.acts_as == "drag":  # that goes with time otherwise is the catalogue's drift
-                continue
-            found.append(likeliest_change(profiled, ground, facts))
-            if not has_a_clock:
+            is_drag = ground.acts_as == "drag"  # that goes with time otherwise is the catalogue's drift
+            if not (is_drag and torques):
+                found.append(likeliest_change(profiled, ground, facts))
+            if is_drag or not has_a_clock:
                 continue
         law = _angle_law(profiled, ground) if ground.turned is not None else _smooth_law(profiled, ground)
         if law is not None and law.term.law is not None and law.term.law.number not in taken:

@@ -29,7 +29,7 @@ from rw_ekf.diagnosis.thresholds import (
     MOST_TRIED,
     SIGNIFICANT_P,
 )
-from rw_ekf.effects.catalogue import CATALOGUE, LEARNED
+from rw_ekf.effects.catalogue import CATALOGUE, CHANGE, LEARNED, SPELL
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
@@ -120,6 +120,10 @@ def _in_place_of_laws(
         for name in {term.id for term in fit.model.terms if term.effect.smooth_over_speed}:
             fit = search.without(fit, name)
         ledger, selection = _with_laws(search, ledger.row(fit), ledger.with_rows([fit]), selection, laws)
+        fit = ledger.rows[0].fit
+        for name in {CHANGE.id, SPELL.id} & set(fit.model.effects.ids):  # and so is what was found beside that
+            less = search.without(fit, name)
+            ledger, selection = _with_laws(search, ledger.row(less), ledger.with_rows([less]), selection, laws)
     return ledger, selection
 
 
