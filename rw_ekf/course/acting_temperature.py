@@ -9,9 +9,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.wheel.interval import UNREAD, warmed
 
-AHEAD_SIGMA = (
-    0.5  # of the temperature's range, by which a body may be ahead where a log begins in the middle of a cycle
-)
+AHEAD_SIGMA = 0.5  # of the temperature's range, by which a body may be ahead where a log begins amid a cycle
 
 
 def acting_temperature(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, largest_torque, top_drive, top_speed
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import LawEffect
-from rw_ekf.model.law import ActsAs, Law
+from rw_ekf.model.law import OF_SPEED, ActsAs, Law
 from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s
 
@@ -68,7 +68,7 @@ def size_text(law: Law, value: float, std: float, facts: RecordFacts) -> str:
 def place_text(law: Law, knot: int) -> str:
     """Where a law has a knot."""
     at = float(law.knots[knot])
-    if law.quantity in {"speed", "speed_size"}:
+    if law.quantity in OF_SPEED:
         return f"at {at:.3g} rad/s ({rpm_from_rad_s(at):.3g} rpm)"
     return f"at {math.degrees(at):.0f} deg" if law.quantity == "angle" else f"at {at:.4g} {law.unit}".rstrip()
 

@@ -22,6 +22,7 @@ ActsAs = Literal["drag", "torque", "viscous_drag", "windage", "motor_gain", "cur
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 KINDS: tuple[ActsAs, ...] = get_args(ActsAs)
+OF_SPEED: tuple[Quantity, ...] = ("speed", "speed_size")
 MOST_COLUMNS = 3  # of a log that laws of one model may be functions of
 UNITS = {
     "speed": "rad/s", "speed_size": "rad/s", "angle": "rad", "current_along_motion": "A", "current_size": "A",

@@ -180,8 +180,10 @@ def _at_likeliest_time(
         best = max(fits, key=lambda by: fits[by].likelihood.value)
         for by in (best - reach, best + reach):
             first, last = law.first + by * goes[0], law.last + by * goes[1]
-            of_spell = _is_seen(first, last, begin_s, end_s)
-            inside = of_spell if term.effect is SPELL else begin_s < 0.5 * (first + last) < end_s
+            if term.effect is SPELL:
+                inside = _is_seen(first, last, begin_s, end_s)
+            else:
+                inside = begin_s < 0.5 * (first + last) < end_s
             if by not in fits and last - first > 0.5 * _ABRUPT_S and inside:
                 moved = replace(law, first=first, last=last)
                 fits[by] = less.refitted(less.model.with_terms(replace(term, law=moved)))

@@ -46,6 +46,11 @@ def quantity_of(effect: type[Effect]) -> Quantity:
     return "temperature" if "temperature_degC" in effect.needs else "speed"
 
 
+def is_smooth_in_time(effect: type[Effect]) -> bool:
+    """Whether an effect varies smoothly with the record's clock: no event's onset, and no sine, is a law of speed."""
+    return quantity_of(effect) == "time" and not (effect.local_in_time or effect.clocked)
+
+
 def values_of(record: Record, speed_rad_s: Float64Array, quantity: Quantity) -> Float64Array:
     """A quantity at each sample (n,): |speed|, temperature, or the time since the sample's own log began."""
     if quantity == "speed":

@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.beyond import beyond
-from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same
+from rw_ekf.diagnosis.hypotheses.confounding import may_confound
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE, UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.likelihood.fitting import Fit
@@ -136,8 +136,3 @@ def _turns_one_way(drive: Float64Array, dry: Float64Array) -> bool:
     moved = drive * drive
     along = float(np.sum(moved[drive * dry < 0.0]))
     return min(along, float(np.sum(moved)) - along) < _OTHER_WAY * float(np.sum(moved))
-
-
-def tells_time_from_speed(fit: Fit) -> bool:
-    """Whether a smooth law of time can be told from one of the speed, which holds at any time and goes first."""
-    return not one_and_the_same(fit, "time", "speed")

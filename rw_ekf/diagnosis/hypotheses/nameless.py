@@ -14,7 +14,8 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.changes import likeliest_change, likeliest_spell
-from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds, tells_time_from_speed
+from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same
+from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.prepare.preparation import Prepared
@@ -23,7 +24,7 @@ from rw_ekf.effects.catalogue import LEARNED
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats
 from rw_ekf.model.effect import RecordFacts, Term
-from rw_ekf.model.law import TURN, Law
+from rw_ekf.model.law import OF_SPEED, TURN, Law
 
 Smooth = tuple[float, float]  # over how much of a range a law bends; as log(1 + x/that share of the range), or 0
 
@@ -47,7 +48,8 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
     """The likeliest law of each ground beside a fitted model, the likeliest first."""
     profiled = Profiled(fit)
     taken = {term.law.number for term in fit.model.terms if term.law is not None}
-    found, has_a_clock = [], tells_time_from_speed(fit)
+    # Else a law of the speed, which holds at any time, goes first.
+    found, has_a_clock = [], not one_and_the_same(fit, "time", "speed")
     asked = [*grounds(fit, facts, columns)]
     # Where it turns one way none is asked: a torque is a drag.
     torques = any(ground.quantity == "time" and ground.acts_as == "torque" for ground in asked)
@@ -83,7 +85,7 @@ def _smooth_law(profiled: Profiled, ground: Ground) -> Nameless | None:
     """The likeliest smooth law of a ground, over all smoothnesses."""
     low, high = ground.range
     columns = ground.slope[:, None] * hats(ground.at, _HATS, low, high)
-    of_speed = ground.quantity in {"speed", "speed_size"}
+    of_speed = ground.quantity in OF_SPEED
     smooths = _SMOOTH_OVER_SPEED if of_speed else _SMOOTH
     count = _SPEED_KNOTS if of_speed else _KNOTS
     count += ground.quantity == "current_along_motion"  # which is nothing at zero, and may bend there

@@ -6,7 +6,13 @@ import math
 from typing import NamedTuple
 
 from rw_ekf.diagnosis.hypotheses.candidates import Score
-from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same, quantity_of, says_more
+from rw_ekf.diagnosis.hypotheses.confounding import (
+    is_smooth_in_time,
+    may_confound,
+    one_and_the_same,
+    quantity_of,
+    says_more,
+)
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import settled_event
 from rw_ekf.diagnosis.hypotheses.selection import Selection
@@ -170,7 +176,7 @@ def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, nam
 
 def _is_another_clock(less: Fit, effect: type[Effect]) -> bool:
     """Whether an effect goes with time as smoothly as the speed does, in a record that has them as one."""
-    return effect.of_one_record and not effect.local_in_time and one_and_the_same(less, "time", "speed")
+    return is_smooth_in_time(effect) and one_and_the_same(less, "time", "speed")
 
 
 def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:

@@ -38,6 +38,7 @@ from rw_ekf.model.effect_kinds import LawEffect
 
 Laws = Callable[[Fit], list[Nameless]]
 
+_BEGINNINGS = (CHANGE.id, SPELL.id)
 _MOST_EXCHANGES = 2  # while another row becomes the likeliest
 
 
@@ -117,11 +118,11 @@ def _in_place_of_laws(
         ledger, selection = _with_laws(search, row, ledger, selection, laws)
     if made_up_curves(top.fit):  # the law was found beside less, and is mended by names: it is sought anew
         fit = row.fit
-        for name in {term.id for term in fit.model.terms if term.effect.smooth_over_speed}:
+        for name in [name for name in fit.model.effects.ids if CATALOGUE[name].smooth_over_speed]:
             fit = search.without(fit, name)
         ledger, selection = _with_laws(search, ledger.row(fit), ledger.with_rows([fit]), selection, laws)
         fit = ledger.rows[0].fit
-        for name in {CHANGE.id, SPELL.id} & set(fit.model.effects.ids):  # and so is what was found beside that
+        for name in [name for name in fit.model.effects.ids if name in _BEGINNINGS]:  # and so is what stands beside it
             less = search.without(fit, name)
             ledger, selection = _with_laws(search, ledger.row(less), ledger.with_rows([less]), selection, laws)
     return ledger, selection

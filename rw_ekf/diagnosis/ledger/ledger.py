@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts, Term
+from rw_ekf.model.law import OF_SPEED
 
 _MOST_TOLD = 8  # rows that a document has, whatever became of them
 _ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
@@ -45,7 +46,7 @@ def made_up_curves(fit: Fit) -> int:
     is there.
     """
     signs = [math.copysign(1.0, term.values[0]) for term in fit.model.terms if term.effect.smooth_over_speed]
-    if any(law.quantity in {"speed", "speed_size"} and law.acts_as == "drag" for law in fit.model.sought_laws):
+    if any(law.quantity in OF_SPEED and law.acts_as == "drag" for law in fit.model.sought_laws):
         return len(signs)
     return len(signs) - 1 if len(set(signs)) > 1 else 0
 

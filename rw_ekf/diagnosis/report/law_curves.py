@@ -12,6 +12,7 @@ from rw_ekf.diagnosis.report.drawn_time import timeline
 from rw_ekf.diagnosis.report.quantities import Quantity, correlation_of
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.effects.learned_law import QUANTITY_WORDS, WORDS
+from rw_ekf.model.law import OF_SPEED
 
 if TYPE_CHECKING:
     from rw_ekf.diagnosis.outcome import Outcome
@@ -96,7 +97,7 @@ def _axis(law: Law, diagnosis: Outcome, units: Units) -> tuple[str, float, float
     if law.quantity == "time":
         time = timeline(np.asarray(diagnosis.log.time_s, dtype=np.float64))
         return time.label, time.unit_s, time.start_s
-    if law.quantity in {"speed", "speed_size"}:
+    if law.quantity in OF_SPEED:
         return f"{'|speed|' if law.quantity == 'speed_size' else 'speed'} [{units.speed}]", units.speed_scale, 0.0
     if law.quantity in {"current_size", "current_along_motion"}:
         words = "|current|" if law.quantity == "current_size" else "current along the motion"

@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.tails import chi_square_tail
-from rw_ekf.model.law import Law
+from rw_ekf.model.law import OF_SPEED, Law
 
 _LEAST_P = 0.01
 _NUMBER_COSTS = 2.0  # log, of each number that is fitted: as far apart as a grid's neighbours are
@@ -74,7 +74,7 @@ def _level(law: Law, curves: Float64Array) -> Float64Array:
     """What of curves (c, knots) the law's own functions have not: a constant, and a line where friction has one."""
     at = np.abs(law.knots) if law.quantity == "speed" else law.knots
     powers = {"angle": (), "current_along_motion": (1,)}.get(law.quantity, (0,))
-    if law.acts_as == "drag" and law.quantity in {"speed", "speed_size"}:
+    if law.acts_as == "drag" and law.quantity in OF_SPEED:
         powers = (0, 1)
     functions = np.array(law.functions)
     F = np.column_stack([*(at**power for power in powers), *functions])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from rw_ekf.diagnosis.checks.command_lines import chance_of_answer
 from rw_ekf.diagnosis.checks.heldout import Performance, percent_better
 from rw_ekf.diagnosis.checks.lattice import Lattice
-from rw_ekf.diagnosis.hypotheses.confounding import Quantity, one_and_the_same, quantity_of, separates
+from rw_ekf.diagnosis.hypotheses.confounding import Quantity, is_smooth_in_time, one_and_the_same, separates
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.standing import Reason
@@ -28,6 +28,7 @@ from rw_ekf.diagnosis.verdict.sentences import (
     separation,
 )
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.model.law import OF_SPEED
 from rw_ekf.numbers import chance_text, p_text
 from rw_ekf.units import rpm_from_rad_s
 
@@ -200,8 +201,8 @@ def _nothing_is_left(shown: Evidence) -> str:
 
 def _another_record(found: Found, names: list[str]) -> str:
     """Which record would show whether what goes with time, or the speed, does, where this one has the two as one."""
-    timed = any(_goes_with_time(name) for name in names)
-    laws = {law.quantity for law in found.fit.model.sought_laws} & {"speed", "speed_size"}
+    timed = any(is_smooth_in_time(CATALOGUE[name]) for name in names)
+    laws = any(law.quantity in OF_SPEED for law in found.fit.model.sought_laws)
     asked: tuple[Quantity, ...] = _CONFUSED_WITH_TIME if timed else ("speed",) if laws else ()
     other = next((other for other in asked if one_and_the_same(found.fit, "time", other)), None)
     if other is None:
@@ -242,12 +243,6 @@ def _doubts(selection: Selection, posterior: dict[str, float]) -> str:
 def _effects_in(posterior: dict[str, float]) -> list[str]:
     """The ids of effects, the most probable first."""
     return [name for name in posterior if name not in {NONE, SOMETHING_ELSE}]
-
-
-def _goes_with_time(name: str) -> bool:
-    """Whether an effect varies smoothly with the record's clock: no event's onset, and no sine, is a law of speed."""
-    effect = CATALOGUE[name]
-    return quantity_of(effect) == "time" and not (effect.local_in_time or effect.clocked)
 
 
 def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:
