@@ -6,11 +6,13 @@ import contextlib
 import gc
 import random
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rw_ekf
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.reader import read_log
@@ -29,6 +31,18 @@ class Record:
         self.current: Float64Array = np.asarray(
             np.cumsum(0.1 * draws.normal(size=rows)).round(digits), dtype=np.float64
         )
+
+
+def csv(log: rw_ekf.Log, header: str, line: Callable[[int, float, float, float], str]) -> str:
+    """Rows as a header and a way to write number, time [s], speed [rad/s] and current [A] of each."""
+    rows = zip(log.time_s.tolist(), log.speed_rad_s.tolist(), log.current_A.tolist(), strict=True)
+    return header + "\n" + "".join(line(i, t, w, c) + "\n" for i, (t, w, c) in enumerate(rows))
+
+
+def guess(path: Path, text: str) -> rw_ekf.GuessedColumns:
+    """What is guessed of the columns of a file of this text."""
+    path.write_text(text)
+    return rw_ekf.guess_columns(path)
 
 
 def read_with(path: Path, *lines: str) -> WheelLog:

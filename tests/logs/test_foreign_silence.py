@@ -12,31 +12,16 @@ import rw_ekf
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.row_rules import spread_stamps
 from rw_ekf.units import RAD_S_PER_RPM
+from tests.foreign_logs import csv, guess
 
 RPM = 1.0 / RAD_S_PER_RPM
-
-
-@pytest.fixture(scope="module")
-def run() -> rw_ekf.Log:
-    """60 s of a simulated wheel at 10 Hz, in both directions."""
-    return rw_ekf.simulate("steps", duration_s=60.0, seed=6)
-
-
-def _csv(log: rw_ekf.Log, header: str, line: Callable[[int, float, float, float], str]) -> str:
-    rows = zip(log.time_s.tolist(), log.speed_rad_s.tolist(), log.current_A.tolist(), strict=True)
-    return header + "\n" + "".join(line(i, t, w, c) + "\n" for i, (t, w, c) in enumerate(rows))
 
 
 def _stamped(log: rw_ekf.Log, header: str, part: Callable[[float], str]) -> tuple[str, Float64Array]:
     """Rows at uneven times with a stamp of whole seconds, and the part of one beside it; and these times [s]."""
     time_s = np.floor(1e3 * np.cumsum(0.02 + 0.16 * np.random.default_rng(3).random(len(log)))) / 1e3
     at = [f"2026-03-04 12:{30 + int(t) // 60}:{int(t) % 60:02d},{part(round(t % 1.0, 3))}" for t in time_s]
-    return _csv(log, header, lambda i, t, w, c: f"{at[i]},{w * RPM!r},{c!r}"), time_s - time_s[0]
-
-
-def _guess(path: Path, text: str) -> rw_ekf.GuessedColumns:
-    path.write_text(text)
-    return rw_ekf.guess_columns(path)
+    return csv(log, header, lambda i, t, w, c: f"{at[i]},{w * RPM!r},{c!r}"), time_s - time_s[0]
 
 
 @pytest.mark.parametrize(
@@ -46,11 +31,11 @@ def _guess(path: Path, text: str) -> rw_ekf.GuessedColumns:
 )  # fmt: skip
 def test_what_a_controller_has_integrated_is_no_current(tmp_path: Path, run: rw_ekf.Log, names: str) -> None:
     """`I` beside `P` and `D` is a controller's, by its name or by what stands beside it: asked, and never amperes."""
-    text = _csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c + 0.01 * w!r},{c!r},{c - i / 1e3!r}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c + 0.01 * w!r},{c!r},{c - i / 1e3!r}")
+    found = guess(tmp_path / "a.csv", text)
     assert "current_A" in [question.name for question in found.guess.questions], found.guess.mapping()
     beside = "\n".join(f"{row},{0.5 + k % 7}" if k else f"{row},i_motor" for k, row in enumerate(text.splitlines()))
-    assert _guess(tmp_path / "b.csv", beside).guess.mapping()["current_A"] == {"column": "i_motor"}
+    assert guess(tmp_path / "b.csv", beside).guess.mapping()["current_A"] == {"column": "i_motor"}
 
 
 @pytest.mark.parametrize(
@@ -59,8 +44,8 @@ def test_what_a_controller_has_integrated_is_no_current(tmp_path: Path, run: rw_
 )
 def test_an_i_that_no_controller_stands_beside_is_a_current(tmp_path: Path, run: rw_ekf.Log, names: str) -> None:
     """Beside a voltage, `P` is a power; an `I` alone, of a motor or of an axis, is a current as before."""
-    text = _csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{c + 0.01 * w!r},{c - i / 1e3!r}")
-    assert _guess(tmp_path / "a.csv", text).guess.mapping()["current_A"] == {"column": names.split(",", 1)[0]}
+    text = csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{c + 0.01 * w!r},{c - i / 1e3!r}")
+    assert guess(tmp_path / "a.csv", text).guess.mapping()["current_A"] == {"column": names.split(",", 1)[0]}
 
 
 _TWINCAT = """Name\tScope
@@ -87,7 +72,7 @@ Unit Offset\t0\tUnit Offset\t0\t0\t0\t0
 def test_units_stand_over_their_columns_in_few_rows_too(tmp_path: Path, run: rw_ekf.Log, rows: int) -> None:
     """Names, units and rows are cut at the same marks however few rows there are: no mA is read as an A."""
     log = [f"{100 * i}\t{i}\t{100 * i}\t{651 + i % 9}\t{6 + i % 3}\t24\t{1 + i % 37}" for i in range(rows)]
-    found = _guess(tmp_path / "a.csv", _TWINCAT + "\n" + "\n".join(log) + "\n").guess.mapping()
+    found = guess(tmp_path / "a.csv", _TWINCAT + "\n" + "\n".join(log) + "\n").guess.mapping()
     assert found["current_A"] == {"column": "ActCurrent [mA]", "unit": "mA"}
     assert found["current_command_A"] == {"column": "SetCurrent [A]"}
     assert found["speed_rpm"] == {"column": "ActVelo [rpm]"}
@@ -96,8 +81,8 @@ def test_units_stand_over_their_columns_in_few_rows_too(tmp_path: Path, run: rw_
 def test_cells_between_tabs_are_not_cut_at_blanks(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Where tabs stand between all cells of all rows, a blank in a name or a unit cuts nothing."""
     head = "# of the bench\nt (s)\tVdc actual (V)\tspeed (rpm)\tI mot (mA)"
-    text = _csv(run, head, lambda i, t, w, c: f"{t!r}\t24\t{w * RPM!r}\t{1e3 * c!r}")
-    found = _guess(tmp_path / "a.csv", text).guess.mapping()
+    text = csv(run, head, lambda i, t, w, c: f"{t!r}\t24\t{w * RPM!r}\t{1e3 * c!r}")
+    found = guess(tmp_path / "a.csv", text).guess.mapping()
     assert found["current_A"] == {"column": "I mot (mA)", "unit": "mA"}
 
 
@@ -117,18 +102,18 @@ def test_a_part_of_a_second_may_be_a_fraction_or_of_nobody_knows_what(tmp_path: 
     (tmp_path / "a.csv").write_text(text)
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.time_s - log.time_s[0] == pytest.approx(time_s, abs=2e-6)
-    asked = _guess(tmp_path / "b.csv", _stamped(run, "Time,f,rpm,I_motor", lambda part: f"{int(256 * part)}")[0])
+    asked = guess(tmp_path / "b.csv", _stamped(run, "Time,f,rpm,I_motor", lambda part: f"{int(256 * part)}")[0])
     assert [question.name for question in asked.guess.questions] == ["time_s"]
     assert "of how many parts of a second" in asked.guess.questions[0].text
 
 
 def test_rows_that_count_within_a_second_are_spread_over_it(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A count of the rows of each second is no part of it, and asks nothing."""
-    text = _csv(
+    text = csv(
         run, "Time,n,rpm,I_motor",
         lambda i, t, w, c: f"2026-03-04 12:30:{i // 20 % 60:02d},{i % 20},{w * RPM!r},{c!r}",
     )  # fmt: skip
-    found = _guess(tmp_path / "a.csv", text)
+    found = guess(tmp_path / "a.csv", text)
     assert not found.guess.questions
     assert found.guess.options["repeats"] == "spread"
 
@@ -147,8 +132,8 @@ def test_rows_of_one_stamp_among_fine_stamps_stay_within_it() -> None:
 def test_a_current_in_a_unit_that_is_not_known_is_asked_about(tmp_path: Path, run: rw_ekf.Log, unit: str) -> None:
     """What stands in brackets behind a name and is no unit that is known makes no amperes of its numbers."""
     for name in (f"Current [{unit}]", f"I [{unit}]", f"I_motor[{unit}]"):
-        text = _csv(run, f"time_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-        asked = _guess(tmp_path / "a.csv", text).guess.questions
+        text = csv(run, f"time_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+        asked = guess(tmp_path / "a.csv", text).guess.questions
         assert [question.name for question in asked] == ["current_A"], name
         assert not any("has no unit" in question.text for question in asked), name
     told = rw_ekf.guess_columns(tmp_path / "a.csv", current=f"I_motor[{unit}]:A")
@@ -160,8 +145,8 @@ def test_a_current_in_a_unit_that_is_not_known_is_asked_about(tmp_path: Path, ru
 )
 def test_words_in_brackets_are_no_unit(tmp_path: Path, run: rw_ekf.Log, remark: str) -> None:
     """A word that says which current it is asks nothing, and its size says amperes as before."""
-    text = _csv(run, f"time_s,rpm,Current {remark}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-    assert not _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, f"time_s,rpm,Current {remark}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert not guess(tmp_path / "a.csv", text).guess.questions
 
 
 @pytest.mark.parametrize(
@@ -173,15 +158,15 @@ def test_a_comment_behind_the_names_is_none_of_them(tmp_path: Path, run: rw_ekf.
     """What a logger remarks between the names and the rows changes no name, also with as many words as columns."""
     for mark in (",", "\t", "|"):
         header = f"time [s]{mark}current [A]{mark}speed [rpm]"
-        text = _csv(run, f"{header}\n{comment}", lambda i, t, w, c: f"{t!r}{mark}{c!r}{mark}{w * RPM!r}")  # noqa: B023
-        found = _guess(tmp_path / "a.csv", text).guess
+        text = csv(run, f"{header}\n{comment}", lambda i, t, w, c: f"{t!r}{mark}{c!r}{mark}{w * RPM!r}")  # noqa: B023
+        found = guess(tmp_path / "a.csv", text).guess
         assert found.mapping()["speed_rpm"] == {"column": "speed [rpm]"}
         assert found.mapping()["current_A"] == {"column": "current [A]"}
 
 
 def test_comments_between_the_first_rows_leave_the_names(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Where a reply is missing again after one row, that row is the first one all the same."""
-    text = _csv(run, "time [s],current [A],speed [rpm]\n# missing reply", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
+    text = csv(run, "time [s],current [A],speed [rpm]\n# missing reply", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
     lines = text.split("\n")
     lines[3:3] = ["# missing reply"]
     (tmp_path / "a.csv").write_text("\n".join(lines))
@@ -197,17 +182,15 @@ def test_comments_between_the_first_rows_leave_the_names(tmp_path: Path, run: rw
 )  # fmt: skip
 def test_names_and_units_may_be_a_comment(tmp_path: Path, run: rw_ekf.Log, head: str) -> None:
     """A line with a comment's mark has the names where no other has them, and units where it has these."""
-    text = _csv(run, head, lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
-    mapping = _guess(tmp_path / "a.csv", text).guess.mapping()
+    text = csv(run, head, lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
+    mapping = guess(tmp_path / "a.csv", text).guess.mapping()
     assert "rpm" in str(mapping["speed_rpm"])
     assert "[A]" in str(mapping["current_A"])
 
 
 def _with_cells(log: rw_ekf.Log, cells: dict[int, str]) -> str:
     """Rows in which some speeds, by row, are other cells."""
-    return _csv(
-        log, "Time [s],Speed [rpm],Current [A]", lambda i, t, w, c: f"{t!r},{cells.get(i, repr(w * RPM))},{c!r}"
-    )
+    return csv(log, "Time [s],Speed [rpm],Current [A]", lambda i, t, w, c: f"{t!r},{cells.get(i, repr(w * RPM))},{c!r}")
 
 
 @pytest.mark.parametrize("mark", ["OVR", "OL", "N.A.", "overflow", "Bad", "#N/A", "Inf", "-inf", "---", "#DIV/0!"])
@@ -226,26 +209,26 @@ def test_what_stands_for_a_number_is_a_gap_and_told(tmp_path: Path, run: rw_ekf.
 @pytest.mark.parametrize("cell", ["see note", "12x4"])
 def test_a_cell_that_is_no_number_is_shown_with_its_line(tmp_path: Path, run: rw_ekf.Log, cell: str) -> None:
     """One word in a column of numbers does not make it one that never changes."""
-    (asked,) = _guess(tmp_path / "a.csv", _with_cells(run, {300: cell})).guess.questions
+    (asked,) = guess(tmp_path / "a.csv", _with_cells(run, {300: cell})).guess.questions
     assert f"column 'Speed [rpm]' has '{cell}' in line 302, which is no number" in asked.text
     (tmp_path / "map.yaml").write_text("time_s: Time [s]\nspeed_rpm: Speed [rpm]\ncurrent_A: Current [A]\n")
     with pytest.raises(rw_ekf.Error, match=rf"line 302, column 'Speed \[rpm\]': '{cell}' is not a number"):
         rw_ekf.read(tmp_path / "a.csv", columns=tmp_path / "map.yaml")
-    text = _csv(run, "t_s,rpm,I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{'x' if i == 30 else repr(c)}")
-    (asked,) = _guess(tmp_path / "b.csv", text).guess.questions
+    text = csv(run, "t_s,rpm,I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{'x' if i == 30 else repr(c)}")
+    (asked,) = guess(tmp_path / "b.csv", text).guess.questions
     assert "column 'I [A]' has 'x' in line 32" in asked.text
 
 
 def test_lists_in_cells_are_named(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`"[10, 9]"` is no number, and the question says that it is a list."""
-    text = _csv(run, "timestamp,speed,I_motor", lambda i, t, w, c: f'{t!r},"[{w:.3f}, {i}]",{c!r}')
-    (asked,) = _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, "timestamp,speed,I_motor", lambda i, t, w, c: f'{t!r},"[{w:.3f}, {i}]",{c!r}')
+    (asked,) = guess(tmp_path / "a.csv", text).guess.questions
     assert "column 'speed' holds lists, such as '[" in asked.text
 
 
 def test_a_reading_that_no_machine_has_is_no_other_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
     """One speed of a million rad/s and more is asked about as a reading, with the line that makes a gap of it."""
-    (asked,) = _guess(tmp_path / "a.csv", _with_cells(run, {300: "98765432"})).guess.questions
+    (asked,) = guess(tmp_path / "a.csv", _with_cells(run, {300: "98765432"})).guess.questions
     assert "goes to 98765432 in 1 of 600 rows" in asked.text
     assert [line.entry.get("missing") for line in asked.answers] == [None, 98765432.0]
 
@@ -260,8 +243,8 @@ def test_a_row_with_a_cell_too_many_is_named(tmp_path: Path, run: rw_ekf.Log) ->
 def test_one_of_several_outputs_tells_no_wheels_apart(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`motor[2]` of few values is an output beside `motor[1]`, and no choice of rows is asked for."""
     header = "t_s,rpm,I [A],motor[1],motor[2]"
-    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{137 + i % 8},{140 + i % 5}")
-    assert not _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{137 + i % 8},{140 + i % 5}")
+    assert not guess(tmp_path / "a.csv", text).guess.questions
 
 
 _STEPS = "%Timestep increments at 8kHz\n%timestep (8Hz),voltage,velocity\n%[#],[V],[turns/s]"
@@ -269,7 +252,7 @@ _STEPS = "%Timestep increments at 8kHz\n%timestep (8Hz),voltage,velocity\n%[#],[
 
 def test_a_time_whose_scale_was_given_is_asked_about_no_more(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`--set time=COLUMN --set time.scale=0.000125` answers what a step is, also where steps are uneven."""
-    text = _csv(run, _STEPS, lambda i, t, w, c: f"{800 * i + 7 * (i % 3)},{c!r},{w / 6.283185307:.6f}")
+    text = csv(run, _STEPS, lambda i, t, w, c: f"{800 * i + 7 * (i % 3)},{c!r},{w / 6.283185307:.6f}")
     (tmp_path / "a.csv").write_text(text)
     assert "--set 'time=timestep (8Hz) [#]'" in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions[0].text
     found = rw_ekf.guess_columns(tmp_path / "a.csv", time="timestep (8Hz) [#]", time__scale=0.000125)
@@ -280,7 +263,7 @@ def test_a_time_whose_scale_was_given_is_asked_about_no_more(tmp_path: Path, run
 
 def test_rows_that_hold_nothing_are_skipped_and_counted(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A row of nan alone has no time that could be missing; one that has a value but no time is refused as before."""
-    lines = _csv(run, "t [s],rpm,I [A],note", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},").split("\n")
+    lines = csv(run, "t [s],rpm,I [A],note", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},").split("\n")
     lines[12:12], lines[31:31] = ["nan,nan,nan,"], [",,,"]
     (tmp_path / "a.csv").write_text("\n".join(lines))
     log = rw_ekf.read(tmp_path / "a.csv")
@@ -294,7 +277,7 @@ def test_rows_that_hold_nothing_are_skipped_and_counted(tmp_path: Path, run: rw_
 
 def test_without_a_column_of_time_an_empty_row_is_a_gap(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Where rows are the clock, none of them is skipped."""
-    lines = _csv(run, "# sampling rate 10 Hz\nrpm,I_motor", lambda i, t, w, c: f"{w * RPM!r},{c!r}").split("\n")
+    lines = csv(run, "# sampling rate 10 Hz\nrpm,I_motor", lambda i, t, w, c: f"{w * RPM!r},{c!r}").split("\n")
     lines[12] = "nan,nan"
     (tmp_path / "a.csv").write_text("\n".join(lines))
     assert rw_ekf.read(tmp_path / "a.csv").time_s == pytest.approx(run.time_s)
@@ -307,14 +290,14 @@ def test_a_clock_that_goes_to_summer_time_is_doubted(tmp_path: Path, run: rw_ekf
     def stamped(i: int, t: float) -> str:
         return f"2026-03-29 0{1 + (i >= change)}:59:{t % 60.0:06.3f}"
 
-    text = _csv(run, "Time,Speed [rpm],I [A]", lambda i, t, w, c: f"{stamped(i, t)},{w * RPM!r},{c!r}")
-    doubts = _guess(tmp_path / "a.csv", text).doubts
+    text = csv(run, "Time,Speed [rpm],I [A]", lambda i, t, w, c: f"{stamped(i, t)},{w * RPM!r},{c!r}")
+    doubts = guess(tmp_path / "a.csv", text).doubts
     assert any("the clock was set forward by 3600 s" in text for text in doubts), doubts
 
 
 def test_an_hour_between_two_runs_is_a_pause(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A wheel that has stopped over an hour has not been told another time."""
-    text = _csv(run, "t_s,Speed [rpm],I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-    later = _csv(run, "", lambda i, t, w, c: f"{t + run.time_s[-1] + 3600.1!r},{w * RPM!r},{c!r}").lstrip("\n")
+    text = csv(run, "t_s,Speed [rpm],I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    later = csv(run, "", lambda i, t, w, c: f"{t + run.time_s[-1] + 3600.1!r},{w * RPM!r},{c!r}").lstrip("\n")
     assert abs(run.speed_rad_s[-1]) > 1.0
-    assert not _guess(tmp_path / "a.csv", text + later).doubts
+    assert not guess(tmp_path / "a.csv", text + later).doubts

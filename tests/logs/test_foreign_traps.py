@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +14,10 @@ from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.time_text import seconds_of
 from rw_ekf.units import RAD_S_PER_RPM
+from tests.foreign_logs import csv, guess
 
 RPM = 1.0 / RAD_S_PER_RPM
 Rows = list[tuple[float, float, float]]
-
-
-@pytest.fixture(scope="module")
-def run() -> rw_ekf.Log:
-    """60 s of a simulated wheel at 10 Hz, in both directions."""
-    return rw_ekf.simulate("steps", duration_s=60.0, seed=6)
-
-
-def _csv(log: rw_ekf.Log, header: str, line: Callable[[int, float, float, float], str]) -> str:
-    rows = zip(log.time_s.tolist(), log.speed_rad_s.tolist(), log.current_A.tolist(), strict=True)
-    return header + "\n" + "".join(line(i, t, w, c) + "\n" for i, (t, w, c) in enumerate(rows))
-
-
-def _guess(path: Path, text: str) -> rw_ekf.GuessedColumns:
-    path.write_text(text)
-    return rw_ekf.guess_columns(path)
 
 
 def test_a_number_in_a_name_scales_nothing() -> None:
@@ -51,10 +35,10 @@ def test_a_number_in_a_name_scales_nothing() -> None:
 def test_a_pwm_frequency_is_no_rate_of_rows(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Without a time, only a rate of the rows is one; a switching frequency, or a timer's, is asked past."""
     for text in ("# PWM frequency 20 kHz", "# timer interrupt 10 kHz", "# low-pass filter cut-off freq 50 Hz"):
-        found = _guess(tmp_path / "a.csv", _csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+        found = guess(tmp_path / "a.csv", csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
         assert [question.name for question in found.guess.questions] == ["time_s"], text
-    told = _guess(
-        tmp_path / "b.csv", _csv(run, "# sampling rate 10 Hz\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}")
+    told = guess(
+        tmp_path / "b.csv", csv(run, "# sampling rate 10 Hz\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}")
     )
     assert told.column_map.rate_hz == 10.0
 
@@ -62,15 +46,15 @@ def test_a_pwm_frequency_is_no_rate_of_rows(tmp_path: Path, run: rw_ekf.Log) -> 
 def test_an_encoder_that_rises_is_no_clock(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A wheel that turns one way counts up, and a timer's rate stands above: it is no time all the same."""
     count = np.cumsum(np.abs(run.speed_rad_s) + 3.0).astype(int)
-    text = _csv(run, "# timer 1 kHz\nenc_count,rpm,current_A", lambda i, t, w, c: f"{count[i]},{w * RPM!r},{c!r}")
-    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    text = csv(run, "# timer 1 kHz\nenc_count,rpm,current_A", lambda i, t, w, c: f"{count[i]},{w * RPM!r},{c!r}")
+    assert "time_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 def test_the_part_of_a_second_is_no_clock(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Nanoseconds within a second begin anew each second; with the seconds beside them they are the time."""
-    alone = _csv(run, "nsec,rpm,current_A", lambda i, t, w, c: f"{round(1e9 * (t % 1.0))},{w * RPM!r},{c!r}")
-    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", alone).guess.questions]
-    both = _csv(
+    alone = csv(run, "nsec,rpm,current_A", lambda i, t, w, c: f"{round(1e9 * (t % 1.0))},{w * RPM!r},{c!r}")
+    assert "time_s" in [question.name for question in guess(tmp_path / "a.csv", alone).guess.questions]
+    both = csv(
         run, "sec,nsec,rpm,current_A", lambda i, t, w, c: f"{int(t)},{round(1e9 * (t - int(t)))},{w * RPM!r},{c!r}"
     )
     (tmp_path / "b.csv").write_text(both)
@@ -84,7 +68,7 @@ def test_a_reversed_sensor_is_turned_and_its_direction_column_heard(tmp_path: Pa
         "# n   wheel speed, absolute [rpm]\n# d   direction (0 = forward ; 1 = backward)\n"
         "# i   motor current, sensor reversed [A]\nt_s,n,d,i"
     )
-    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{abs(w) * RPM!r},{int(w < 0)},{-c!r}")
+    text = csv(run, header, lambda i, t, w, c: f"{t!r},{abs(w) * RPM!r},{int(w < 0)},{-c!r}")
     (tmp_path / "a.csv").write_text(text)
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-6)
@@ -111,7 +95,7 @@ def test_a_decimal_comma_between_labels_is_no_separator(tmp_path: Path, run: rw_
     def comma(value: float) -> str:
         return f"{value:.6f}".replace(".", ",")
 
-    text = _csv(run, "start", lambda i, t, w, c: f"t={comma(t)} s; n= {comma(w * RPM)} rpm; i={comma(c)} A")
+    text = csv(run, "start", lambda i, t, w, c: f"t={comma(t)} s; n= {comma(w * RPM)} rpm; i={comma(c)} A")
     (tmp_path / "a.txt").write_text(text)
     log = rw_ekf.read(tmp_path / "a.txt")
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-5)
@@ -120,11 +104,11 @@ def test_a_decimal_comma_between_labels_is_no_separator(tmp_path: Path, run: rw_
 
 def test_two_wheels_in_one_log_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Which speed and which current belong together, no name says."""
-    text = _csv(
+    text = csv(
         run, "t_s,rw1_rpm,rw2_rpm,rw1_A,rw2_A",
         lambda i, t, w, c: f"{t!r},{w * RPM!r},{1.3 * w * RPM + 5!r},{c!r},{0.8 * c!r}",
     )  # fmt: skip
-    asked = [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    asked = [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
     assert asked == ["speed_rad_s", "current_A"]
 
 
@@ -141,17 +125,17 @@ def test_two_wheels_in_one_log_are_asked_about(tmp_path: Path, run: rw_ekf.Log) 
 )  # fmt: skip
 def test_what_no_motion_speaks_against_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
     """Electrical, wanted, scaled or another machine's numbers move as a wheel's do: what names hint at is asked."""
-    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    found = guess(tmp_path / "a.csv", csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
     assert found.guess.questions, found.guess.mapping()
 
 
 def test_a_factor_above_is_applied_to_counts_alone(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Numbers that are not whole may be products already, and an offset may be of either: both are asked."""
     head = "CH1.Name=Time\nCH1.Unit=s\nCH2.Name=Speed\nCH2.Unit=rpm\nCH2.Factor=0.1\nCH3.Name=Current\nCH3.Unit=A"
-    done = _csv(run, head, lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}")
-    shifted = _csv(run, head + "\nCH2.Offset=500", lambda i, t, w, c: f"{t!r};{round(10.0 * w * RPM)};{c!r}")
+    done = csv(run, head, lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}")
+    shifted = csv(run, head + "\nCH2.Offset=500", lambda i, t, w, c: f"{t!r};{round(10.0 * w * RPM)};{c!r}")
     for text in (done, shifted):
-        asked = [question.text for question in _guess(tmp_path / "a.txt", text).guess.questions]
+        asked = [question.text for question in guess(tmp_path / "a.txt", text).guess.questions]
         assert len(asked) == 1
         assert "factor 0.1" in asked[0]
 
@@ -164,10 +148,10 @@ def test_a_factor_of_each_signal_is_applied_or_asked_about(tmp_path: Path, run: 
             speed, current = round(10.0 * w * RPM, digits or None), round(2e3 * c, digits or None)
             return f"{t!r},speed,{speed},rpm,0.1\n{t!r},current,{current},mA,0.5"
 
-        found = _guess(tmp_path / "a.csv", _csv(run, "time_s,signal,value,unit,scale", line))
+        found = guess(tmp_path / "a.csv", csv(run, "time_s,signal,value,unit,scale", line))
         assert found.guess.is_certain == certain
-    beside = _csv(run, "t_s,rpm,rpm_scale,current_A", lambda i, t, w, c: f"{t!r},{10.0 * w * RPM:.0f},0.1,{c!r}")
-    _guess(tmp_path / "b.csv", beside)
+    beside = csv(run, "t_s,rpm,rpm_scale,current_A", lambda i, t, w, c: f"{t!r},{10.0 * w * RPM:.0f},0.1,{c!r}")
+    guess(tmp_path / "b.csv", beside)
     assert rw_ekf.read(tmp_path / "b.csv").speed_rad_s == pytest.approx(run.speed_rad_s, abs=0.06 / RPM)
 
 
@@ -185,7 +169,7 @@ def test_counts_of_kelvin_become_degrees(tmp_path: Path, run: rw_ekf.Log) -> Non
     units = (("time", "s", ""), ("speed", "rpm", ""), ("current", "A", ""), ("temperature", "K", "\nFactor=0.1"))
     head = "\n".join(f"[Channel {n}]\nName={name}\nUnit={u}{more}" for n, (name, u, more) in enumerate(units, 1))
     (tmp_path / "a.txt").write_text(
-        _csv(run, f"{head}\n[Data]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{2931 + i}")
+        csv(run, f"{head}\n[Data]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{2931 + i}")
     )
     log = rw_ekf.read(tmp_path / "a.txt")
     assert log.table["temperature_degC"].to_numpy() == pytest.approx(19.95 + 0.1 * np.arange(log.time_s.size))
@@ -198,11 +182,11 @@ def test_r_is_right_beside_l_and_reverse_beside_f(tmp_path: Path, run: rw_ekf.Lo
         other = letters.replace(ahead, "")
         header = "t_s,dir,rpm,current_A"
         (tmp_path / "a.csv").write_text(
-            _csv(run, header, lambda i, t, w, c: f"{t!r},{ahead if w >= 0 else other},{abs(w) * RPM!r},{c!r}")  # noqa: B023
+            csv(run, header, lambda i, t, w, c: f"{t!r},{ahead if w >= 0 else other},{abs(w) * RPM!r},{c!r}")  # noqa: B023
         )
         assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s == pytest.approx(run.speed_rad_s)
     (tmp_path / "a.csv").write_text(
-        _csv(run, "t_s,dir,rpm,current_A", lambda i, t, w, c: f"{t!r},R,{abs(w) * RPM!r},{c!r}")
+        csv(run, "t_s,dir,rpm,current_A", lambda i, t, w, c: f"{t!r},R,{abs(w) * RPM!r},{c!r}")
     )
     with pytest.raises(rw_ekf.Error, match="is to be a direction and says 'r'"):
         rw_ekf.read(tmp_path / "a.csv")
@@ -218,27 +202,27 @@ def test_streams_of_two_wheels_are_no_log(tmp_path: Path) -> None:
 
 def test_a_signal_whose_unit_changes_is_no_column(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A column of units says one for each signal; where one has two, no number of it is taken."""
-    text = _csv(
+    text = csv(
         run, "time,signal,value,unit",
         lambda i, t, w, c: f"{t!r},speed,{w if i < 99 else w * RPM!r},{'rad/s' if i < 99 else 'rpm'}\n"
         f"{t!r},current,{c!r},A",
     )  # fmt: skip
-    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "speed_rad_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 def test_the_current_of_the_q_axis_goes_before_phases_with_a_word(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`iq` makes the torque, in its drive's convention, which is said; an armature has no phases."""
-    text = _csv(run, "t_s,ia,ib,iq,rpm", lambda i, t, w, c: f"{t!r},{c * (i % 2)!r},{-c!r},{c!r},{w * RPM!r}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, "t_s,ia,ib,iq,rpm", lambda i, t, w, c: f"{t!r},{c * (i % 2)!r},{-c!r},{c!r},{w * RPM!r}")
+    found = guess(tmp_path / "a.csv", text)
     assert found.guess.mapping()["current_A"] == {"column": "iq"}
     assert any("per ampere of the q axis" in note for note in found.guess.notes)
-    armature = _csv(run, "t_s,armature current ia [A],rpm", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
-    assert not _guess(tmp_path / "b.csv", armature).guess.questions
+    armature = csv(run, "t_s,armature current ia [A],rpm", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r}")
+    assert not guess(tmp_path / "b.csv", armature).guess.questions
 
 
 def test_dates_beside_times_of_day_count(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A pause of two days in a log with a column of dates is one; dates with points are no times of day."""
-    text = _csv(
+    text = csv(
         run, "Datum;Zeit;n [rpm];I [A]",
         lambda i, t, w, c: f"{1 + 2 * (i >= 300):02d}.03.2026;10.{i // 10 % 30:02d}.{6 * (i % 10):02d};"
         f"{w * RPM!r};{c!r}",
@@ -252,10 +236,10 @@ def test_dates_beside_times_of_day_count(tmp_path: Path, run: rw_ekf.Log) -> Non
 
 def test_reading_says_what_the_motion_speaks_against(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A speed without its sign reads as it stands, and the log's own warnings say so; another wheel's current too."""
-    (tmp_path / "a.csv").write_text(_csv(run, "t_s,rpm,i_A", lambda i, t, w, c: f"{t!r},{abs(w) * RPM!r},{c!r}"))
+    (tmp_path / "a.csv").write_text(csv(run, "t_s,rpm,i_A", lambda i, t, w, c: f"{t!r},{abs(w) * RPM!r},{c!r}"))
     assert any("the log is misread" in text for text in rw_ekf.read(tmp_path / "a.csv").warnings)
     odd = np.random.default_rng(3).permutation(run.current_A)
-    (tmp_path / "b.csv").write_text(_csv(run, "t_s,rpm,i_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{float(odd[i])!r}"))
+    (tmp_path / "b.csv").write_text(csv(run, "t_s,rpm,i_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{float(odd[i])!r}"))
     found = rw_ekf.guess_columns(tmp_path / "b.csv")
     assert any("drive and friction explain" in text for text in found.doubts)
     assert any("drive and friction explain" in text for text in rw_ekf.read(tmp_path / "b.csv").warnings)
@@ -263,27 +247,27 @@ def test_reading_says_what_the_motion_speaks_against(tmp_path: Path, run: rw_ekf
 
 def test_a_set_point_beside_the_reading_is_passed_over(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`SV` is what was wanted and `PV` what came of it; a column `n` that counts the rows is no speed."""
-    text = _csv(run, "n,t_s,SV [rpm],PV [rpm],current_A", lambda i, t, w, c: f"{i},{t!r},100,{w * RPM!r},{c!r}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, "n,t_s,SV [rpm],PV [rpm],current_A", lambda i, t, w, c: f"{i},{t!r},100,{w * RPM!r},{c!r}")
+    found = guess(tmp_path / "a.csv", text)
     assert found.guess.mapping()["speed_rpm"] == {"column": "PV [rpm]"}
-    rows = _csv(run, "n;t;current_A", lambda i, t, w, c: f"{i};{t!r};{c!r}")
-    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "b.csv", rows).guess.questions]
+    rows = csv(run, "n;t;current_A", lambda i, t, w, c: f"{i};{t!r};{c!r}")
+    assert "speed_rad_s" in [question.name for question in guess(tmp_path / "b.csv", rows).guess.questions]
 
 
 def test_what_was_set_is_not_asked_again(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Who names the column has looked at it."""
-    text = _csv(run, "t_s,spindle_rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-    assert _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, "t_s,spindle_rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert guess(tmp_path / "a.csv", text).guess.questions
     assert rw_ekf.guess_columns(tmp_path / "a.csv", speed="spindle_rpm").is_certain
 
 
 def test_the_rows_of_one_wheel_are_taken_where_an_id_tells_them_apart(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Two wheels in turn are asked about; `--set only=` takes one of them, and the map that is written does too."""
-    text = _csv(
+    text = csv(
         run, "t_s,wheel_id,rpm,current_A",
         lambda i, t, w, c: f"{t!r},1,{0.7 * w * RPM!r},{0.3 * c!r}\n{t!r},2,{w * RPM!r},{c!r}",
     )  # fmt: skip
-    asked = _guess(tmp_path / "a.csv", text).guess.questions
+    asked = guess(tmp_path / "a.csv", text).guess.questions
     assert [question.name for question in asked] == ["only"]
     chosen = rw_ekf.guess_columns(tmp_path / "a.csv", only="wheel_id:2")
     assert chosen.is_certain
@@ -296,10 +280,10 @@ def test_the_rows_of_one_wheel_are_taken_where_an_id_tells_them_apart(tmp_path: 
 
 def test_clocks_of_two_signals_that_differ_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A current with a clock of its own was not measured when the speed beside it was."""
-    text = _csv(
+    text = csv(
         run, "t_speed_s,rpm,t_current_s,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{t - 1.7!r},{c!r}"
     )  # fmt: skip
-    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "time_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 def test_rates_that_are_of_something_else_or_differ_are_none(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -309,29 +293,29 @@ def test_rates_that_are_of_something_else_or_differ_are_none(tmp_path: Path, run
         "# ADC sampling rate 1 kHz, decimated by 100",
         "# rate 10 Hz\n# rate 20 Hz",
     ):
-        found = _guess(tmp_path / "a.csv", _csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+        found = guess(tmp_path / "a.csv", csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
         assert "time_s" in [question.name for question in found.guess.questions], text
 
 
 def test_lines_of_a_disc_are_no_counts_of_a_turn(tmp_path: Path, run: rw_ekf.Log) -> None:
     """1024 lines have 4096 edges: whether they are counted is asked."""
     count = np.cumsum(run.speed_rad_s).astype(int)
-    text = _csv(
+    text = csv(
         run, "# encoder: 1024 lines per turn\nt_s,enc_counts,current_A", lambda i, t, w, c: f"{t},{count[i]},{c!r}"
     )
-    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "speed_rad_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
     told = text.replace("1024 lines per turn", "1024 lines, x4 decoding = 4096 counts/rev")
-    line = next(line for line in _guess(tmp_path / "b.csv", told).guess.lines if line.name == "speed_rad_s")
+    line = next(line for line in guess(tmp_path / "b.csv", told).guess.lines if line.name == "speed_rad_s")
     assert line.entry["counts_per_turn"] == 4096.0
 
 
 def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`1.234` beside `987`, and never another number of digits behind the point."""
-    text = _csv(
+    text = csv(
         run, "t_s;rpm;current_A",
         lambda i, t, w, c: f"{t:.1f};{f'{int(90 * w * RPM):,d}'.replace(',', '.')};{c:.3f}",
     )  # fmt: skip
-    assert "layout" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "layout" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 @pytest.mark.parametrize(
@@ -360,8 +344,8 @@ def test_words_beside_a_column_are_heard(tmp_path: Path, run: rw_ekf.Log, header
     """Prose above the names, rows of groups, brackets that are no unit, quantities that drive no wheel: all asked."""
     header = header.strip().replace("|", "\n")
     mark = ";" if ";" in header else ","
-    text = _csv(run, header, lambda i, t, w, c: mark.join((f"{t!r}", f"{w * RPM!r}", f"{c!r}")))
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, header, lambda i, t, w, c: mark.join((f"{t!r}", f"{w * RPM!r}", f"{c!r}")))
+    found = guess(tmp_path / "a.csv", text)
     assert found.guess.questions, found.guess.mapping()
 
 
@@ -379,8 +363,8 @@ def test_words_beside_a_column_are_heard(tmp_path: Path, run: rw_ekf.Log, header
 )
 def test_a_unit_is_found_wherever_it_stands(tmp_path: Path, run: rw_ekf.Log, header: str, name: str, unit: str) -> None:
     """In the middle of a name, behind another bracket, in other languages; pole pairs that a line says divide."""
-    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    found = guess(tmp_path / "a.csv", text)
     assert not found.guess.questions, found.guess.questions
     assert next(line for line in found.guess.lines if line.name == name).entry["unit"] == unit
 
@@ -393,11 +377,11 @@ def test_steps_that_several_units_would_fit_are_asked_about(tmp_path: Path) -> N
         "time": 10.0 * rows[:41], "Elapsed": rows / 600.0, "Time": rows / 3600.0, "Timestamp": 1e6 * rows,
     }.items():  # fmt: skip
         text = f"{name},rpm\n" + "".join(f"{t:.8g},{w:.3f}\n" for t, w in zip(steps, speed, strict=False))
-        assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions], name
+        assert "time_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions], name
     stamps = "".join(
         f"{int(t // 1200):02d}:{int(t // 20 % 60):02d},{w:.3f}\n" for t, w in zip(rows, speed, strict=True)
     )
-    assert "time_s" in [question.name for question in _guess(tmp_path / "b.csv", f"t,rpm\n{stamps}").guess.questions]
+    assert "time_s" in [question.name for question in guess(tmp_path / "b.csv", f"t,rpm\n{stamps}").guess.questions]
 
 
 def test_a_drive_that_never_changes_is_no_coast_down(tmp_path: Path) -> None:
@@ -405,12 +389,12 @@ def test_a_drive_that_never_changes_is_no_coast_down(tmp_path: Path) -> None:
     text = "t_s,rpm,current_A\n" + "".join(
         f"{0.1 * i:.1f},{300 * math.exp(-0.01 * i) + 50:.2f},0.05\n" for i in range(400)
     )
-    assert "current_A" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "current_A" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 def test_a_decimal_comma_with_three_digits_is_none_of_thousands(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`0,005` begins with no thousand."""
-    text = _csv(run, "Zeit [s]\tomega [rad/s]\tStrom [A]",
+    text = csv(run, "Zeit [s]\tomega [rad/s]\tStrom [A]",
                 lambda i, t, w, c: "\t".join(f"{value:.3f}".replace(".", ",") for value in (t, w, c)))  # fmt: skip
     (tmp_path / "a.txt").write_text(text)
     assert rw_ekf.read(tmp_path / "a.txt").speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-3)
@@ -418,8 +402,8 @@ def test_a_decimal_comma_with_three_digits_is_none_of_thousands(tmp_path: Path, 
 
 def test_durations_with_their_unit_in_the_cells_are_times(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`0.01 sec`, as MATLAB writes a timetable; the map that is written reads it as well."""
-    text = _csv(run, "Time,omega_rad_s,Im_A", lambda i, t, w, c: f"{t!r} sec,{w!r},{c!r}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, "Time,omega_rad_s,Im_A", lambda i, t, w, c: f"{t!r} sec,{w!r},{c!r}")
+    found = guess(tmp_path / "a.csv", text)
     found.save(tmp_path / "map.yaml")
     log = rw_ekf.read(tmp_path / "a.csv", columns=tmp_path / "map.yaml")
     assert log.time_s == pytest.approx(run.time_s)
@@ -438,7 +422,7 @@ def test_cells_whose_units_do_not_fit_each_other_are_no_numbers(
 ) -> None:
     """One unit for all of a column, or of one quantity: else what it measures is not known."""
     kinds = cell.split("|")
-    found = _guess(tmp_path / "a.csv", _csv(
+    found = guess(tmp_path / "a.csv", csv(
         run, "Time,speed,current", lambda i, t, w, c: f"{t!r} s,{w!r} rad/s," + kinds[i % 2].format(x=1e3 * c + 1.0)
     ))  # fmt: skip
     assert [question.text.startswith(asked) for question in found.guess.questions] == [True]
@@ -446,8 +430,8 @@ def test_cells_whose_units_do_not_fit_each_other_are_no_numbers(
 
 def test_a_unit_in_a_cell_speaks_louder_than_the_one_above(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`current [A]` over `12.3 mA`: the cells are in mA."""
-    found = _guess(
-        tmp_path / "a.csv", _csv(run, "t [s],n,I [A]", lambda i, t, w, c: f"{t!r} s,{w * RPM!r} rpm,{1e3 * c!r} mA")
+    found = guess(
+        tmp_path / "a.csv", csv(run, "t [s],n,I [A]", lambda i, t, w, c: f"{t!r} s,{w * RPM!r} rpm,{1e3 * c!r} mA")
     )
     log = rw_ekf.read(tmp_path / "a.csv", columns=found.column_map)
     assert log.current_A == pytest.approx(run.current_A)
@@ -459,16 +443,16 @@ def test_a_remark_below_the_units_that_speaks_against_them_is_asked_about(
 ) -> None:
     """A factor, another unit, a supply, a gear: what stands in a row of comments counts as much as a name."""
     header = f"Time,Wheel speed,Current\ns,rpm,mA\nrun 7,{remark},{remark}"
-    assert not _guess(
-        tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}")
+    assert not guess(
+        tmp_path / "a.csv", csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}")
     ).is_certain
 
 
 def test_cells_with_units_and_no_names_say_what_they_are(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Milliseconds, revolutions a minute with a mark between thousands, and milliamperes."""
-    text = _csv(run, "log", lambda i, t, w, c: f"{1e3 * t!r} ms;{30.0 * w * RPM:,.9f} rpm;{1e3 * c!r} mA")
+    text = csv(run, "log", lambda i, t, w, c: f"{1e3 * t!r} ms;{30.0 * w * RPM:,.9f} rpm;{1e3 * c!r} mA")
     assert "," in text
-    _guess(tmp_path / "a.txt", text)
+    guess(tmp_path / "a.txt", text)
     log = rw_ekf.read(tmp_path / "a.txt")
     assert log.time_s == pytest.approx(run.time_s)
     assert log.speed_rad_s == pytest.approx(30.0 * run.speed_rad_s)
@@ -485,7 +469,7 @@ def test_cells_with_units_and_no_names_say_what_they_are(tmp_path: Path, run: rw
 )
 def test_names_are_not_lost_below_units_or_above_a_heading(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
     """The letters of a sheet's columns are no units of the names below them, a heading is no name of the first."""
-    _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}"))
+    guess(tmp_path / "a.csv", csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}"))
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
     assert log.current_A == pytest.approx(run.current_A)
@@ -494,14 +478,14 @@ def test_names_are_not_lost_below_units_or_above_a_heading(tmp_path: Path, run: 
 def test_a_velocity_beside_less_than_moteus_has_keeps_its_question(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Names that are anybody's have a program's units only where all that it writes stand together."""
     header = "timestamp,mode,position,velocity,q_current,d_current,voltage"
-    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},1,{w!r},{w!r},{c!r},0.1,24"))
+    found = guess(tmp_path / "a.csv", csv(run, header, lambda i, t, w, c: f"{t!r},1,{w!r},{w!r},{c!r},0.1,24"))
     assert "rpm, rad/s or deg/s" in found.text()
 
 
 def test_lines_of_two_tags_or_tasks_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """ESP-IDF's tag is who says a line; its level is not."""
-    text = _csv(run, "boot", lambda i, t, w, c: f"{'IW'[i % 2]} ({round(1e3 * t)}) rw{i % 2}: w={w!r} rad/s i={c!r} A")
-    assert not _guess(tmp_path / "a.log", text).is_certain
+    text = csv(run, "boot", lambda i, t, w, c: f"{'IW'[i % 2]} ({round(1e3 * t)}) rw{i % 2}: w={w!r} rad/s i={c!r} A")
+    assert not guess(tmp_path / "a.log", text).is_certain
 
 
 def test_series_of_two_wheels_are_asked_about_and_of_other_times_put_on_one_clock(
@@ -518,8 +502,8 @@ def test_series_of_two_wheels_are_asked_about_and_of_other_times_put_on_one_cloc
 
     current = series("current_amperes", run.current_A, 3)
     two = answer(*(series("speed_rpm", k * run.speed_rad_s * RPM, wheel=f"rw{k}") for k in (1, 2)), current)
-    assert "'series 0.wheel=rw1 speed_rpm'" in _guess(tmp_path / "a.json", two).text()
-    _guess(tmp_path / "b.json", answer(series("speed_rpm", run.speed_rad_s * RPM), current))
+    assert "'series 0.wheel=rw1 speed_rpm'" in guess(tmp_path / "a.json", two).text()
+    guess(tmp_path / "b.json", answer(series("speed_rpm", run.speed_rad_s * RPM), current))
     log = rw_ekf.read(tmp_path / "b.json")
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
     assert log.current_A[3:] == pytest.approx(run.current_A[3:])
@@ -527,38 +511,38 @@ def test_series_of_two_wheels_are_asked_about_and_of_other_times_put_on_one_cloc
 
 def test_a_line_that_names_another_wheel_between_the_rows_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Two logs put under each other, each with its wheel's number above it."""
-    one = _csv(run, "t_s,rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    one = csv(run, "t_s,rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
     text = f"# wheel SN 12\n{one}# wheel SN 15\n{one}"
-    assert "layout" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "layout" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
     other = text.replace("# wheel SN 15\nt_s,rpm,current_A", "zeit,sollwert,strom")
-    assert "layout" in [question.name for question in _guess(tmp_path / "b.csv", other).guess.questions]
+    assert "layout" in [question.name for question in guess(tmp_path / "b.csv", other).guess.questions]
     footer = f"{one}# speed is electrical, 7 pole pairs\n"
-    assert "speed_rpm" in [question.name for question in _guess(tmp_path / "c.csv", footer).guess.questions]
+    assert "speed_rpm" in [question.name for question in guess(tmp_path / "c.csv", footer).guess.questions]
 
 
 def test_rows_of_one_time_that_differ_in_a_column_are_of_several_wheels(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Whatever the column is called that tells them apart."""
-    text = _csv(
+    text = csv(
         run, "t_s,which,rpm,current_A",
         lambda i, t, w, c: f"{t!r},left,{0.7 * w * RPM!r},{0.3 * c!r}\n{t!r},right,{w * RPM!r},{c!r}",
     )  # fmt: skip
-    assert "only" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "only" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 def test_a_time_of_day_without_colons_is_no_count_of_seconds(tmp_path: Path, run: rw_ekf.Log) -> None:
     """hhmmss: behind 125959 comes 130000."""
-    text = _csv(
+    text = csv(
         run, "time,rpm,current_A", lambda i, t, w, c: f"{120030 + t + 40 * (t >= 30):.1f},{w * RPM!r},{c!r}"
     )  # fmt: skip
-    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert "time_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
     by_hand = "".join(f"{i // 6}.{i % 6}0,{300 - 4 * i}\n" for i in range(40))
-    found = _guess(tmp_path / "b.csv", f"time,rpm\n{by_hand}")
+    found = guess(tmp_path / "b.csv", f"time,rpm\n{by_hand}")
     assert "time_s" in [question.name for question in found.guess.questions]
 
 
 def test_units_in_a_column_beside_are_heard(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`omega`, `omega_unit`; a set-point that has the published unit of the reading is none."""
-    text = _csv(
+    text = csv(
         run, "t_s,omega,omega_unit,current,current_unit,input_vel",
         lambda i, t, w, c: f"{t!r},{math.degrees(w)!r},deg/s,{1e3 * c!r},mA,{w!r}",
     )  # fmt: skip
@@ -571,8 +555,8 @@ def test_units_in_a_column_beside_are_heard(tmp_path: Path, run: rw_ekf.Log) -> 
 def test_counts_of_each_row_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Increments are a speed already; differentiated again they would be an acceleration."""
     head = "# 4096 counts per turn\nt_s,delta_counts,current_A"
-    text = _csv(run, head, lambda i, t, w, c: f"{t!r},{round(65 * w)},{c!r}")
-    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    text = csv(run, head, lambda i, t, w, c: f"{t!r},{round(65 * w)},{c!r}")
+    assert "speed_rad_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
 
 
 @pytest.mark.parametrize(
@@ -595,8 +579,8 @@ def test_counts_of_an_interval_are_a_speed_where_the_file_says_all(
     turns = np.concatenate([[0.0], np.cumsum(run.speed_rad_s[1:] * np.diff(run.time_s))]) / (2.0 * math.pi)
     counts = np.diff(np.round(2048.0 * turns), prepend=0.0).astype(int)
     told = told.replace("|", "\n")
-    text = _csv(run, f"{told}\nt_ms,{name},I_A", lambda i, t, w, c: f"{1000 * t:.0f},{counts[i]},{c!r}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, f"{told}\nt_ms,{name},I_A", lambda i, t, w, c: f"{1000 * t:.0f},{counts[i]},{c!r}")
+    found = guess(tmp_path / "a.csv", text)
     assert any(asked in question.text for question in found.guess.questions) == bool(asked)
     if not asked:
         quantum = 2.0 * math.pi / 2048.0 / 0.1
@@ -611,7 +595,7 @@ def test_lines_of_two_speakers_are_asked_about(tmp_path: Path, run: rw_ekf.Log, 
     line = "2026-03-29T10:00:{:06.3f}Z {} rpm={} i_A={}"
     rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
     text = "".join(line.format(t % 60.0, who, w, c) + "\n" for t, w, c in rows for who in (first, other) if t < 60.0)
-    questions = _guess(tmp_path / "a.log", text).guess.questions
+    questions = guess(tmp_path / "a.log", text).guess.questions
     assert any("of the same wheel" in question.text for question in questions)
 
 
@@ -620,8 +604,8 @@ def test_t_c_alone_is_a_temperature_where_it_is_warm(
     tmp_path: Path, run: rw_ekf.Log, value: float, is_temperature: bool
 ) -> None:
     """`T_C` may be a Coulomb torque: what is far below any room's temperature is left alone."""
-    text = _csv(run, "t_s,rw2_rpm,current_A,T_C", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{value}")
-    found = _guess(tmp_path / "a.csv", text)
+    text = csv(run, "t_s,rw2_rpm,current_A,T_C", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{value}")
+    found = guess(tmp_path / "a.csv", text)
     assert found.is_certain
     assert ("temperature_degC" in [line.name for line in found.guess.lines]) == is_temperature
 
@@ -641,8 +625,8 @@ def test_t_c_alone_is_a_temperature_where_it_is_warm(
 def test_what_a_name_is_near_to_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:
     """A topic that is no JointState's, two joints of one, a temperature for a time or a drive, two wheels."""
     count = header.count(",") - 1
-    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{','.join([repr(w * (1 + k)) for k in range(count)])},{c!r}")
-    assert any(asked in question.text for question in _guess(tmp_path / "a.csv", text).guess.questions)
+    text = csv(run, header, lambda i, t, w, c: f"{t!r},{','.join([repr(w * (1 + k)) for k in range(count)])},{c!r}")
+    assert any(asked in question.text for question in guess(tmp_path / "a.csv", text).guess.questions)
 
 
 def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
@@ -653,10 +637,10 @@ def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
         ("# drive torque: 2 mNm\nt_s,rpm", ""),
     ):  # fmt: skip
         text = f"{head}\n" + "".join(f"{t:.1f},{w:.3f}{more}\n" for t, w in fall)
-        found = _guess(tmp_path / "a.csv", text).guess
+        found = guess(tmp_path / "a.csv", text).guess
         assert any(question.name.startswith("current") for question in found.questions), head
     text = "t_s,rpm,voltage [V]\n" + "".join(f"{t:.1f},{w:.3f},{12.05 + 1e-4 * w:.4f}\n" for t, w in fall)
-    assert [question.name for question in _guess(tmp_path / "b.csv", text).guess.questions] == ["current_A"]
+    assert [question.name for question in guess(tmp_path / "b.csv", text).guess.questions] == ["current_A"]
 
 
 def test_a_coast_down_beside_what_moves_like_a_drive_is_asked_about(tmp_path: Path) -> None:
@@ -664,7 +648,7 @@ def test_a_coast_down_beside_what_moves_like_a_drive_is_asked_about(tmp_path: Pa
     fall = [(0.1 * i, 300.0 * math.exp(-0.01 * i) + 1.0) for i in range(400)]
     for name, asked in (("Power", ["current_A"]), ("effort", ["current_A"]), ("pressure [Pa]", [])):
         text = f"t_s,rpm,{name}\n" + "".join(f"{t:.1f},{w:.3f},{45.0 - 0.04 * w:.3f}\n" for t, w in fall)
-        assert [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions] == asked, name
+        assert [question.name for question in guess(tmp_path / "a.csv", text).guess.questions] == asked, name
 
 
 def test_a_wheel_that_speeds_up_without_a_drive_is_told_so(tmp_path: Path) -> None:
@@ -678,7 +662,7 @@ def test_a_wheel_that_speeds_up_without_a_drive_is_told_so(tmp_path: Path) -> No
 def test_a_rate_of_rows_is_answered_on_the_line(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Without a column of time; what is no rate is refused."""
     path = tmp_path / "a.csv"
-    path.write_text(_csv(run, "rpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+    path.write_text(csv(run, "rpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
     assert rw_ekf.guess_columns(path, rate_hz=10).column_map.rate_hz == 10.0
     for wrong in ("0", "often"):
         with pytest.raises(rw_ekf.Error, match="rate_hz"):
@@ -688,30 +672,30 @@ def test_a_rate_of_rows_is_answered_on_the_line(tmp_path: Path, run: rw_ekf.Log)
 def test_why_a_column_of_time_is_none_is_said(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Seconds that are called us; that the column was given does not make its rows half a nanosecond apart."""
     path = tmp_path / "a.csv"
-    path.write_text(_csv(run, "time_us,rpm,current_A", lambda i, t, w, c: f"{t * 5.0e-3!r},{w * RPM!r},{c!r}"))
+    path.write_text(csv(run, "time_us,rpm,current_A", lambda i, t, w, c: f"{t * 5.0e-3!r},{w * RPM!r},{c!r}"))
     for given in ({}, {"time": "time_us"}):
         asked = rw_ekf.guess_columns(path, **given).guess.questions
         assert any("5e-10 s apart" in question.text for question in asked if question.name == "time_s"), given
-    text = _csv(run, "time_s,rpm,current_A", lambda i, t, w, c: f"{t if i != 1 else -3.0!r},{w * RPM!r},{c!r}")
-    assert "time_s" not in [q.name for q in _guess(tmp_path / "b.csv", text).guess.questions]
+    text = csv(run, "time_s,rpm,current_A", lambda i, t, w, c: f"{t if i != 1 else -3.0!r},{w * RPM!r},{c!r}")
+    assert "time_s" not in [q.name for q in guess(tmp_path / "b.csv", text).guess.questions]
 
 
 def test_a_limit_is_no_current_and_a_measurement_tells_no_wheel(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`Burst Current Cutoff (A)` beside `Current (A)`; an acceleration that alternates at each time."""
-    text = _csv(
+    text = csv(
         run, "t_s,rpm,Current (A),Burst Current Cutoff (A)", lambda i, t, w, c: f"{t},{w * RPM},{c},{40 + i % 2}"
     )
-    assert not _guess(tmp_path / "a.csv", text).guess.questions
-    text = _csv(run, "t_s,rpm,current_A,accelX",
+    assert not guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, "t_s,rpm,current_A,accelX",
                 lambda i, t, w, c: f"{t},{w * RPM},{c},.25\n{t},{w * RPM},{c},-.0622")  # fmt: skip
-    assert "only" not in [question.name for question in _guess(tmp_path / "b.csv", text).guess.questions]
+    assert "only" not in [question.name for question in guess(tmp_path / "b.csv", text).guess.questions]
 
 
 def test_a_q_axis_current_is_no_supply_s(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Where voltage and power beside it are zero throughout, every current is the supply's by arithmetic."""
-    text = _csv(run, "t_s,erpm [rpm],q_axis_current [A],power,voltage_in",
+    text = csv(run, "t_s,erpm [rpm],q_axis_current [A],power,voltage_in",
                 lambda i, t, w, c: f"{t},{w * RPM},{c},{12.0 * c},12.0")  # fmt: skip
-    asked = _guess(tmp_path / "a.csv", text).guess.questions
+    asked = guess(tmp_path / "a.csv", text).guess.questions
     assert not any("supply" in question.text for question in asked)
 
 
@@ -719,15 +703,16 @@ def test_a_probe_s_sensitivity_beside_a_current_without_a_unit_is_asked_about(tm
     """Volts of a probe look like amperes; where the name says the unit, the line is about the probe alone."""
     for name, open_ in (("current", ["current_A"]), ("current [A]", [])):
         text = f"# current probe 100 mV/A, range 10 A\nt_s,speed_rpm,{name}"
-        found = _guess(tmp_path / "a.csv", _csv(run, text, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+        found = guess(tmp_path / "a.csv", csv(run, text, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
         assert [question.name for question in found.guess.questions] == open_
 
 
 def test_a_step_of_time_without_a_unit_is_a_recorder_s_or_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`dt: 10` may be in ms, and so may a recorder's whose axis is in ms."""
     for head in ("t0: 0\ndt: 10", "start times:\n10:00:00\t10:00:00\nstep:\n0.1\t0.1"):
-        found = _guess(
-            tmp_path / "a.csv", _csv(run, f"{head}\nspeed [rpm]\tcurrent [A]", lambda i, t, w, c: f"{w * RPM!r}\t{c!r}")
+        found = guess(
+            tmp_path / "a.csv",
+            csv(run, f"{head}\nspeed [rpm]\tcurrent [A]", lambda i, t, w, c: f"{w * RPM!r}\t{c!r}"),
         )
         assert [question.name for question in found.guess.questions] == ["time_s"]
 
@@ -735,9 +720,9 @@ def test_a_step_of_time_without_a_unit_is_a_recorder_s_or_asked_about(tmp_path: 
 def test_two_devices_that_speak_in_words_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Lines without `=` or `:` before the numbers, of two tags in turn; a supply's current, too."""
     for tags, current in ((("rw1", "rw2"), "current"), (("rw1", "rw1"), "supply current")):
-        found = _guess(
+        found = guess(
             tmp_path / "a.log",
-            _csv(
+            csv(
                 run,
                 "boot",
                 lambda i, t, w, c, tags=tags, current=current: (  # type: ignore[misc]
@@ -760,12 +745,12 @@ def test_a_unit_says_how_large_a_count_is(
     tmp_path: Path, run: rw_ekf.Log, header: str, per_rpm: float, per_ampere: float
 ) -> None:
     """Whole numbers are counts of what their unit says; of others it is asked whether they are multiplied already."""
-    counts = _csv(run, header, lambda i, t, w, c: f"{t!r},{round(w * RPM * per_rpm)},{round(c * per_ampere)}")
+    counts = csv(run, header, lambda i, t, w, c: f"{t!r},{round(w * RPM * per_rpm)},{round(c * per_ampere)}")
     log = rw_ekf.read(_written(tmp_path / "a.csv", counts))
     assert np.abs(log.speed_rad_s - run.speed_rad_s).max() <= 0.51 / per_rpm / RPM
     assert np.abs(log.current_A - run.current_A).max() <= 0.51 / per_ampere
-    products = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-    assert "current_A" in [question.name for question in _guess(tmp_path / "b.csv", products).guess.questions]
+    products = csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert "current_A" in [question.name for question in guess(tmp_path / "b.csv", products).guess.questions]
 
 
 @pytest.mark.parametrize(("scale", "warnings"), [("0.1", 1), ("1", 0)])
@@ -774,7 +759,7 @@ def test_a_factor_beside_a_column_of_the_logs_own_name_is_warned_about(
 ) -> None:
     """`speed_rpm` is taken as its name says, and `speed_scale` beside it is said, unless it is 1."""
     header = "time_s,speed_rpm,current_A,speed_scale"
-    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{scale}")
+    text = csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{scale}")
     log = rw_ekf.read(_written(tmp_path / "a.csv", text))
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
     assert len(log.warnings) == warnings
@@ -784,8 +769,8 @@ def test_a_factor_beside_a_column_of_the_logs_own_name_is_warned_about(
 def test_a_factor_beside_a_name_with_a_unit_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`wheel_scale` is what `wheel_rpm` is times, or was: whole numbers alone do not tell."""
     header = "t_s,wheel_rpm,current_A,wheel_scale"
-    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{round(w * RPM)},{c!r},0.1")
-    questions = _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, header, lambda i, t, w, c: f"{t!r},{round(w * RPM)},{c!r},0.1")
+    questions = guess(tmp_path / "a.csv", text).guess.questions
     assert [(question.name, "0.1 in wheel_scale" in question.text) for question in questions] == [("speed_rpm", True)]
 
 
@@ -793,7 +778,7 @@ def test_betaflight_counts_erpm_in_hundreds(tmp_path: Path, run: rw_ekf.Log) -> 
     """As blackbox-log-viewer reads its logs: eRPM in hundreds, half the poles divide it, currents in hundredths."""
     head = '"Product","Blackbox flight data recorder"\n"motor_poles","14"\n'
     names = "loopIteration,time,eRPM[0],amperageLatest"
-    text = _csv(
+    text = csv(
         run, head + names,
         lambda i, t, w, c: f"{i},{round(1e6 * t)},{round(7 * w * RPM / 100)},{round(100 * c)}",
     )  # fmt: skip
@@ -804,7 +789,7 @@ def test_betaflight_counts_erpm_in_hundreds(tmp_path: Path, run: rw_ekf.Log) -> 
 
 def test_the_last_part_of_a_path_that_says_nothing_hides_no_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A message of one number calls it `data`: `/wheel/current_ma.data` is in mA."""
-    text = _csv(
+    text = csv(
         run,
         "t_s,/wheel/speed_rpm.data,/wheel/current_ma.data",
         lambda i, t, w, c: f"{t!r},{w * RPM!r},{round(1e3 * c)}",
@@ -830,7 +815,7 @@ def test_an_encoder_begins_anew_where_its_jumps_say(tmp_path: Path, per_turn: in
     said = f"# encoder: {per_turn} counts per turn\ntime_s,enc_counts,current_A\n"
     log = rw_ekf.read(_written(tmp_path / "said.csv", said + rows))
     assert np.nanmax(np.abs(log.speed_rad_s - speed)) < 1.1 * 2.0 * math.pi / per_turn / 0.004
-    found = _guess(tmp_path / "wordless.csv", "time_s,enc_counts,current_A\n" + rows).guess
+    found = guess(tmp_path / "wordless.csv", "time_s,enc_counts,current_A\n" + rows).guess
     assert found.is_certain == (per_turn in (4000, 4096, 8192) and wrap == per_turn)
 
 
@@ -845,7 +830,7 @@ def _written(path: Path, text: str) -> Path:
 )
 def test_a_word_that_says_how_large_a_number_is_is_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """Thousands of rpm are no rpm."""
-    found = _guess(tmp_path / "a.csv", _csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    found = guess(tmp_path / "a.csv", csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
     assert [question.name for question in found.guess.questions] == ["speed_rpm"]
     assert "scaled" in found.guess.questions[0].text
 
@@ -855,31 +840,31 @@ def test_a_word_that_says_how_large_a_number_is_is_asked_about(tmp_path: Path, r
 )
 def test_a_name_that_hints_at_nothing_is_not_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """A number or a word that says which column it is says nothing of its size."""
-    found = _guess(tmp_path / "a.csv", _csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"))
+    found = guess(tmp_path / "a.csv", csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"))
     assert not found.guess.questions
 
 
 def test_a_factor_behind_the_unit_is_asked_about_with_its_answers(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Of `current_A_x100` mA or A was asked, and either answer was wrong."""
-    text = _csv(run, "t_s,rpm,current_A_x100", lambda i, t, w, c: f"{t!r},{w * RPM!r},{100 * c:.0f}")
-    (question,) = _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, "t_s,rpm,current_A_x100", lambda i, t, w, c: f"{t!r},{w * RPM!r},{100 * c:.0f}")
+    (question,) = guess(tmp_path / "a.csv", text).guess.questions
     assert [answer.entry.get("scale") for answer in question.answers] == [None, 0.01, 100.0]
 
 
 @pytest.mark.parametrize("name", ["rpm_delta", "rpm_noise", "rpm_rated", "rpm_ratio", "rpm_limit", "rpm_prev"])
 def test_what_is_told_of_a_speed_is_not_taken_for_it(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """Alone it is asked about, and beside the speed it is none."""
-    alone = _csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-    assert [question.name for question in _guess(tmp_path / "a.csv", alone).guess.questions] == ["speed_rpm"]
-    beside = _csv(run, f"t_s,{name},rpm,I_A", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r},{c!r}")
-    (line,) = [line for line in _guess(tmp_path / "b.csv", beside).guess.lines if line.name == "speed_rpm"]
+    alone = csv(run, f"t_s,{name},I_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert [question.name for question in guess(tmp_path / "a.csv", alone).guess.questions] == ["speed_rpm"]
+    beside = csv(run, f"t_s,{name},rpm,I_A", lambda i, t, w, c: f"{t!r},{c!r},{w * RPM!r},{c!r}")
+    (line,) = [line for line in guess(tmp_path / "b.csv", beside).guess.lines if line.name == "speed_rpm"]
     assert line.entry["column"] == "rpm"
 
 
 @pytest.mark.parametrize("header", ["t [s],n [Skt],I [mA]", "t,n,I\n[s],[Skt],[mA]"])
 def test_a_unit_that_no_one_knows_is_not_the_usual_one(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
     """What is called n is in 1/min where nothing stands beside it."""
-    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM * 7.3!r},{1e3 * c!r}"))
+    found = guess(tmp_path / "a.csv", csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM * 7.3!r},{1e3 * c!r}"))
     assert ["Skt" in question.text for question in found.guess.questions] == [True]
 
 
@@ -922,7 +907,7 @@ def test_a_part_of_a_second_stands_beside_dated_times(tmp_path: Path, run: rw_ek
         return f"{3 + day:02d}.05.2024;{clock};{ms % 1000};{w * RPM!r};{c!r}"
 
     path = tmp_path / "a.csv"
-    path.write_text(_csv(run, "Date;Time;Millisec;Speed_rpm;Current_A", line))
+    path.write_text(csv(run, "Date;Time;Millisec;Speed_rpm;Current_A", line))
     due = np.round(run.time_s, 3) + 0.007 * (np.arange(len(run.time_s)) % 3)
     time = rw_ekf.read(path).time_s
     assert time - time[0] == pytest.approx(due, abs=1e-5)
@@ -931,7 +916,7 @@ def test_a_part_of_a_second_stands_beside_dated_times(tmp_path: Path, run: rw_ek
 def test_a_time_that_counts_down_is_not_the_newest_row_first(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Rows that stand in order are not reversed because their column says what is left."""
     path = tmp_path / "a.csv"
-    path.write_text(_csv(run, "time_remaining_s,rpm,I_A", lambda i, t, w, c: f"{60.0 - t:.3f},{w * RPM!r},{c!r}"))
+    path.write_text(csv(run, "time_remaining_s,rpm,I_A", lambda i, t, w, c: f"{60.0 - t:.3f},{w * RPM!r},{c!r}"))
     log = rw_ekf.read(path)
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
     assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=1e-3)
@@ -948,14 +933,14 @@ def test_ticks_in_a_unit_of_time_are_a_clock(tmp_path: Path, run: rw_ekf.Log, bi
     """MicroPython's `ticks_us()` begins anew after 2^30."""
     path = tmp_path / "a.csv"
     head = "ticks_us,rpm,I_A"
-    path.write_text(_csv(run, head, lambda i, t, w, c: f"{(round(1e6 * t) - 20_000_000) % 2**bits},{w * RPM!r},{c!r}"))
+    path.write_text(csv(run, head, lambda i, t, w, c: f"{(round(1e6 * t) - 20_000_000) % 2**bits},{w * RPM!r},{c!r}"))
     log = rw_ekf.read(path)
     assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=2e-6)
 
 
 def test_a_common_factor_above_a_matrix_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """MATLAB prints `1.0e+03 *` above all numbers: also where every column was answered."""
-    text = _csv(run, "ans =\n\n   1.0e+03 *\n", lambda i, t, w, c: f"{t / 1e3:.6f} {w * RPM / 1e3:.6f} {c / 1e3:.8f}")
+    text = csv(run, "ans =\n\n   1.0e+03 *\n", lambda i, t, w, c: f"{t / 1e3:.6f} {w * RPM / 1e3:.6f} {c / 1e3:.8f}")
     (tmp_path / "a.txt").write_text(text)
     found = rw_ekf.guess_columns(tmp_path / "a.txt", time="0:s", speed="1:rpm", current="2:A")
     assert "multiplied" in found.guess.questions[0].text
@@ -980,7 +965,7 @@ def test_more_ways_of_writing_are_read(tmp_path: Path, run: rw_ekf.Log, header: 
             size=abs(w * RPM), way="horaire" if w >= 0.0 else "anti-horaire",
         )  # fmt: skip
 
-    path.write_text(_csv(run, header, row), encoding="utf-8")
+    path.write_text(csv(run, header, row), encoding="utf-8")
     log = rw_ekf.read(path)
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=0.06)
     assert log.current_A == pytest.approx(run.current_A, abs=1e-6)
@@ -1004,10 +989,10 @@ def test_short_keys_of_value_and_unit_are_heard(tmp_path: Path, run: rw_ekf.Log)
 @pytest.mark.parametrize("name", ["I_heater_A", "led_current_mA", "I_3v3_A", "I_offset_A", "I_sim"])
 def test_a_current_of_something_else_is_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """The only current of a file need not be the motor's."""
-    found = _guess(tmp_path / "a.csv", _csv(run, f"t_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    found = guess(tmp_path / "a.csv", csv(run, f"t_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
     assert [question.name for question in found.guess.questions] == ["current_A"]
-    both = _csv(run, f"t_s,rpm,{name},I_motor_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{-c!r},{c!r}")
-    (line,) = [line for line in _guess(tmp_path / "b.csv", both).guess.lines if line.name == "current_A"]
+    both = csv(run, f"t_s,rpm,{name},I_motor_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{-c!r},{c!r}")
+    (line,) = [line for line in guess(tmp_path / "b.csv", both).guess.lines if line.name == "current_A"]
     assert line.entry["column"] == "I_motor_A"
 
 
@@ -1015,7 +1000,7 @@ def test_current_may_mean_the_present_one(tmp_path: Path, run: rw_ekf.Log) -> No
     """`current_speed` and `current_time` are no currents."""
     path = tmp_path / "a.csv"
     path.write_text(
-        _csv(run, "current_time,current_speed_rpm,amps", lambda i, t, w, c: f"{t + 0.013:.3f},{w * RPM!r},{c!r}")
+        csv(run, "current_time,current_speed_rpm,amps", lambda i, t, w, c: f"{t + 0.013:.3f},{w * RPM!r},{c!r}")
     )
     log = rw_ekf.read(path)
     assert log.current_A == pytest.approx(run.current_A)
@@ -1025,16 +1010,16 @@ def test_current_may_mean_the_present_one(tmp_path: Path, run: rw_ekf.Log) -> No
 
 def test_a_count_of_ms_may_be_as_large_as_seconds_since_1970(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Rows 100 s apart: a counter of ms that has run for some days."""
-    text = _csv(run, "stamp,rpm,I_A", lambda i, t, w, c: f"{1_070_000_000 + round(1e3 * t)},{w * RPM!r},{c!r}")
-    (question,) = _guess(tmp_path / "a.csv", text).guess.questions
+    text = csv(run, "stamp,rpm,I_A", lambda i, t, w, c: f"{1_070_000_000 + round(1e3 * t)},{w * RPM!r},{c!r}")
+    (question,) = guess(tmp_path / "a.csv", text).guess.questions
     assert [answer.entry["unit"] for answer in question.answers] == ["s", "ms"]
-    said = _csv(run, "time_ms,rpm,I_A", lambda i, t, w, c: f"{round(1e6 * t)},{w * RPM!r},{c!r}")
-    assert "100 s apart" in _guess(tmp_path / "b.csv", said).guess.warnings[0]
+    said = csv(run, "time_ms,rpm,I_A", lambda i, t, w, c: f"{round(1e6 * t)},{w * RPM!r},{c!r}")
+    assert "100 s apart" in guess(tmp_path / "b.csv", said).guess.warnings[0]
 
 
 def test_a_minus_of_typography_is_one(tmp_path: Path, run: rw_ekf.Log) -> None:
     """As word processors and plots write it."""
-    text = _csv(run, "t_s;rpm;I_A", lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}".replace("-", "\u2212"))
+    text = csv(run, "t_s;rpm;I_A", lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}".replace("-", "\u2212"))
     (tmp_path / "a.csv").write_text(text)
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
@@ -1051,5 +1036,5 @@ def test_commas_between_thousands_come_late_in_whole_numbers(tmp_path: Path) -> 
 @pytest.mark.parametrize(("name", "scale"), [("t_ds", 10.0), ("t_cs", 100.0), ("time_ksec", 1e-3)])
 def test_tenths_of_a_second_are_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str, scale: float) -> None:
     """By its steps alone such a time would be in s."""
-    text = _csv(run, f"{name},rpm,I_A", lambda i, t, w, c: f"{t * scale:.6f},{w * RPM!r},{c!r}")
-    assert [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions] == ["time_s"]
+    text = csv(run, f"{name},rpm,I_A", lambda i, t, w, c: f"{t * scale:.6f},{w * RPM!r},{c!r}")
+    assert [question.name for question in guess(tmp_path / "a.csv", text).guess.questions] == ["time_s"]
