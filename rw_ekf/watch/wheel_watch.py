@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 from rw_ekf.records import Tick
-from rw_ekf.watch.alarm_limits import dependence_threshold, onset_threshold
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.observation import Observation, ObservationReader
 from rw_ekf.watch.residual_watch import BLOCK_S, ResidualWatch
@@ -20,6 +19,11 @@ _JUMP_S = 60.0
 _SETTLED_GAIN = 0.05
 _SETTLED_COULOMB = 0.02
 _SETTLED_AFTER_S = 60.0
+_SECONDS = 3.6e6  # of 1000 h
+# How many independent tests a tick of the bank amounts to, and a block of the residual: measured over healthy simulated
+# wheels (docs/watch.md), rounded up.
+_TESTS_PER_TICK = 0.5
+_TESTS_PER_BLOCK = 12.0
 
 
 class WatchedFilter(NamedTuple):
@@ -101,3 +105,18 @@ class WheelWatch:
             self._turned_s += e.dt_s
         known = e.coulomb_std < _SETTLED_COULOMB * abs(e.belief.coulomb)
         return 0.0 < e.gain < _SETTLED_GAIN and (known or self._turned_s > _SETTLED_AFTER_S)
+
+
+def onset_threshold(false_alarms_per_1000_h: float, period_s: float) -> float:
+    """Standard deviations at which the onset bank calls a spike [-]: one-sided, half of the false alarms."""
+    return _gaussian_tail(0.5 * false_alarms_per_1000_h / (_TESTS_PER_TICK * _SECONDS / period_s))
+
+
+def dependence_threshold(false_alarms_per_1000_h: float, block_s: float) -> float:
+    """Standard deviations at which a dependence of the residual raises the alarm [-]: half of the false alarms."""
+    return _gaussian_tail(0.5 * false_alarms_per_1000_h / (_TESTS_PER_BLOCK * _SECONDS / block_s))
+
+
+def _gaussian_tail(probability: float) -> float:
+    """The h with exp(-h^2/2) = probability; at least 3."""
+    return math.sqrt(max(-2.0 * math.log(probability), 9.0))

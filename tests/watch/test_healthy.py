@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rw_ekf.watch.alarm_limits import dependence_threshold, onset_threshold
+from rw_ekf.watch.wheel_watch import dependence_threshold, onset_threshold
 from tests.counting import lines_of
 from tools.measure.watch_runs import PROFILES, commands, drawn_wheel, filtered, heard, simulated, stream, watch_of
 
