@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.plugins import added, loaded_as, refused
-from rw_ekf.records import Sink
+from rw_ekf.records import Sink, Tick
 from rw_ekf.sinks.events import EventsSink
 from rw_ekf.sinks.guarded_sink import GuardedSink, Queue
 from rw_ekf.sinks.learned import LearnedSink
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
-from rw_ekf.sinks.recorders.recorders import RECORDERS
 from rw_ekf.sinks.run_context import RunContext, SinkKind
 from rw_ekf.sinks.state_file import Publisher, StateFileSink
-from rw_ekf.sinks.statistics_sink import StatisticsSink
 from rw_ekf.sinks.status_line import StatusLine
+from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -28,9 +28,25 @@ if TYPE_CHECKING:
 __all__ = ["SINKS", "RunContext", "SinkKind", "sinks_of"]
 
 _LOG_TICKS = 4096  # seven minutes at 10 Hz of a disk that hangs
-_ADDED_TICKS = 600  # a minute at 10 Hz
+_SLOW_TICKS = 600  # a minute at 10 Hz of somebody who does not keep up
 _STATE_EVERY_S = 1.0
 LEARNED_EVERY_S = 60.0
+
+
+class StatisticsSink:
+    """Counts every tick."""
+
+    def __init__(self, statistics: RunStatistics) -> None:
+        self._statistics = statistics
+        self._segment: int | None = None
+
+    def write(self, tick: Tick) -> None:
+        """Count one tick."""
+        self._statistics.add(tick.estimate, same_segment=tick.sample.segment == self._segment)
+        self._segment = tick.sample.segment
+
+    def close(self) -> None:
+        """Nothing to finish."""
 
 
 def _log(run: RunContext) -> tuple[Sink, Queue]:
@@ -72,6 +88,44 @@ def _requests(run: RunContext) -> tuple[Sink, None] | None:
     return None if run.requests is None else (run.requests, None)
 
 
+class Recorder(Sink, Protocol):
+    """What `recorder_of(run)` of a recorder's module gives; NEEDS names the packages that it takes."""
+
+    leaves_file: bool  # every tick is in the system's hands before the next; one that is lost is missing from the run
+
+    def lost(self, ticks: int) -> None:
+        """Take note of ticks that never came."""
+        ...
+
+
+def _recorder(name: str) -> SinkKind:
+    def made(run: RunContext) -> tuple[Sink, Queue] | None:
+        if not getattr(run.output, name):
+            return None
+        module = importlib.import_module(f"rw_ekf.sinks.recorders.{name}")
+        for needed in module.NEEDS:
+            try:
+                importlib.import_module(needed)
+            except ImportError as error:
+                raise BadInputError(
+                    f'output.{name}: what it needs is not installed ({error}): pip install "rw-ekf[recorders]", or '
+                    "leave the key out"
+                ) from None
+        recorder: Recorder = module.recorder_of(run)
+
+        def lost(ticks: int) -> None:
+            recorder.lost(ticks)
+            reason = f"{name} does not keep up"
+            run.unwritten.miss(name, ticks, reason, run.logger.error, from_file=recorder.leaves_file)
+
+        return recorder, Queue(_SLOW_TICKS, lost=lost, at_once=recorder.leaves_file, waits=False)
+
+    return SinkKind(made, every_turn=True)
+
+
+_RECORDERS = {name: _recorder(name) for name in ("mcap", "prometheus", "influx", "plotjuggler", "mqtt")}
+
+
 SINKS: dict[str, SinkKind] = {
     "log": SinkKind(_log),
     "statistics": SinkKind(lambda run: (StatisticsSink(run.statistics), None)),
@@ -84,7 +138,7 @@ SINKS: dict[str, SinkKind] = {
         lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase, label=run.label), None),
         every_turn=True,
     ),
-    **RECORDERS,
+    **_RECORDERS,
 }
 
 
@@ -107,7 +161,7 @@ def _queued(point: EntryPoint, make: Callable[[RunContext], tuple[Sink, Queue | 
             raise
         except Exception as error:
             raise refused(point, f"could not be made ({type(error).__name__}: {error})") from error
-        return None if parts is None else (parts[0], parts[1] or Queue(_ADDED_TICKS))
+        return None if parts is None else (parts[0], parts[1] or Queue(_SLOW_TICKS))
 
     return made
 

@@ -17,12 +17,12 @@ from rw_ekf.live.guard import CurrentGuard
 from rw_ekf.live.run_judge import RunJudge
 from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.live.telemetry import TelemetryCheck
+from rw_ekf.sinks.all_sinks import StatisticsSink
 from rw_ekf.sinks.events import EventsSink
 from rw_ekf.sinks.learned import LearnedSink
 from rw_ekf.sinks.log import LogSink
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.state_file import StateFileSink
-from rw_ekf.sinks.statistics_sink import StatisticsSink
 from rw_ekf.sinks.status_line import StatusLine
 from tests.faults.rig import LineWheel
 from tests.faults.supervised import running

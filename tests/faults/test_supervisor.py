@@ -12,7 +12,7 @@ from tests.live.bench import Bench, driven, rw_ekf
 
 CRASH = """
 import os, signal
-from rw_ekf.sinks.statistics_sink import StatisticsSink
+from rw_ekf.sinks.all_sinks import StatisticsSink
 good, turns = StatisticsSink.write, 0
 def bad(self, tick):
     global turns

@@ -21,7 +21,7 @@ from tests.live.bench import Bench, rw_ekf
 
 CONNECTING = StateNow(RunState.CONNECTING, "2000-01-01T00:00:00Z", "the line has been opened")
 HANG = """
-from rw_ekf.sinks.statistics_sink import StatisticsSink
+from rw_ekf.sinks.all_sinks import StatisticsSink
 import os, time
 good = StatisticsSink.write
 def held(self, tick):
