@@ -14,8 +14,7 @@ import pytest
 
 import rw_ekf as library
 from rw_ekf.logs.reader import read_log
-from rw_ekf.sinks.recorders.influx import TOKEN
-from rw_ekf.sinks.recorders.line_protocol import point
+from rw_ekf.sinks.recorders.influx import TOKEN, point
 from tests.live.virtual import run, setting
 from tests.recorders.ticks import ALARM, recorder, turn
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import urllib.request
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from rw_ekf.clock import Clock
@@ -15,7 +16,6 @@ from rw_ekf.logs.parts import beside
 from rw_ekf.plain_file import append_line
 from rw_ekf.records import Tick
 from rw_ekf.sinks.recorders.datagrams import Datagrams
-from rw_ekf.sinks.recorders.line_protocol import point
 from rw_ekf.sinks.recorders.tick_record import TickRecord, TickRecords
 from rw_ekf.sinks.run_context import RunContext
 from rw_ekf.sinks.run_files import Note
@@ -27,6 +27,7 @@ _MOST_WAITING = 3000  # ticks for a server that does not answer: five minutes at
 _SEND_EVERY_S = 1.0
 _TRY_EVERY_S = 5.0
 _ANSWER_WITHIN_S = 3.0
+_TEXT = str.maketrans({'"': r"\"", "\\": r"\\", "\n": " ", "\r": " "})
 
 
 class _Target(Protocol):
@@ -181,3 +182,31 @@ def recorder_of(run: RunContext) -> InfluxRecorder:
         return InfluxRecorder(run, _Udp(Datagrams(target.removeprefix("udp://"), missed)), leaves_file=False)
     except OSError as error:
         raise BadInputError(f"output.influx: {target} is no place on a network ({error}): mend it") from None
+
+
+def point(name: str, tags: Mapping[str, str], fields: Mapping[str, Any], stamp_ns: int) -> bytes | None:
+    r"""One line of the protocol, name,tag=value field=value,field=value STAMP, with its end; None for no known field.
+
+    https://docs.influxdata.com/influxdb/v2/reference/syntax/line-protocol/: commas and blanks, in tags and keys of
+    fields also equal signs, have a stroke before them; in a text that is a field's value, quotes and strokes.
+    fields: numbers, truths, texts, or None.
+    """
+    known = [f"{_key(key)}={_value(value)}" for key, value in fields.items() if value is not None]
+    if not known:
+        return None
+    told = "".join(f",{_key(key)}={_key(value)}" for key, value in tags.items())
+    return f"{_key(name)}{told} {','.join(known)} {stamp_ns}\n".encode()
+
+
+def _key(text: str) -> str:
+    """A name, a key or a tag's value: no line of its own, no stroke at its end, which nothing could escape."""
+    plain = re.sub(r"\s", " ", text).rstrip("\\") or "_"
+    return re.sub(r"([,= ])", r"\\\1", plain)
+
+
+def _value(value: float | str | bool) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return f"{value}i"
+    return repr(value) if isinstance(value, float) else f'"{value.translate(_TEXT)}"'
