@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.fleet.carry import Starting
 from rw_ekf.fleet.log_days import DayOfLog
-from rw_ekf.fleet.own_share import own_share
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.model.state import PARAMETER_NAMES
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from rw_ekf.arrays import Float64Array
     from rw_ekf.filter.belief import Belief
     from rw_ekf.log_replay import Run
 
@@ -154,3 +153,34 @@ def _mean(values: Float64Array | None) -> float | None:
 def _rms(values: Float64Array) -> float:
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def own_share(
+    before: tuple[Float64Array, Float64Array],
+    after: tuple[Float64Array, Float64Array],
+    origin: tuple[Float64Array, Float64Array],
+) -> tuple[Float64Array, Float64Array]:
+    """What one log alone says, mean (n,) and covariance (n, n): the belief after it less the one before; each a pair.
+
+    A filter that goes on from the day before gives estimates that share their data, and a trend through them would be
+    told too surely. In information form a Gaussian belief is a sum, P1^-1 = P0^-1 + I and P1^-1 m1 = P0^-1 m0 + i, of
+    which I and i are the log's own. They are told as the estimate that the log would have given from the origin, whose
+    prior keeps apart what the log does not show.
+
+    Directions in which the filter forgets faster than the log teaches have a negative difference: none of it is the
+    log's. Raises LinAlgError where a covariance is none.
+    """
+    m0, P0 = before
+    scale = np.sqrt(np.diag(P0))
+    root = scale[:, None] * np.linalg.cholesky(P0 / np.outer(scale, scale))  # P0 = root root'
+    whitened = np.linalg.solve(root, np.linalg.solve(root, after[1]).T)
+    values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    gained = np.maximum(1.0 / np.maximum(values, np.finfo(float).tiny) - 1.0, 0.0)
+    turned = vectors.T @ np.linalg.solve(root, after[0] - m0)
+    told = np.where(gained > 0.0, turned / values, 0.0)
+    to_origin = np.linalg.solve(root, origin[0] - m0)
+    prior = np.linalg.inv(np.linalg.solve(root, np.linalg.solve(root, origin[1]).T))
+    information = vectors @ np.diag(gained) @ vectors.T + 0.5 * (prior + prior.T)
+    covariance = np.linalg.inv(information)
+    mean = covariance @ (vectors @ told + prior @ to_origin)
+    return m0 + root @ mean, root @ covariance @ root.T
