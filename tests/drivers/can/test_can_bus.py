@@ -12,8 +12,8 @@ import pytest
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.can import can_bus
-from rw_ekf.drivers.can.bus_errors import BUS_OFF, CONTROLLER, PASSIVE, RESTARTED
 from rw_ekf.drivers.can.can_frames import CanFrame
+from rw_ekf.drivers.can.can_hearing import BUS_OFF, CONTROLLER, PASSIVE, RESTARTED
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.errors import DriverError
 from tests.live.bench import protocol_named, wait_for
