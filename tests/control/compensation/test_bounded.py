@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rw_ekf.control.compensation.bounded import BoundedCurrent, moving_share
+from rw_ekf.control.compensation.on_wheel import BoundedCurrent, moving_share
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 STEPS = st.lists(st.tuples(ANY, st.floats(0.0, 5.0), st.booleans()), min_size=1, max_size=60)
