@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rw_ekf.commissioning.dialogue import RefusedError
-from rw_ekf.commissioning.scale import UNKNOWN
+from rw_ekf.commissioning.signs import UNKNOWN
 from rw_ekf.commissioning.work import Work
 from rw_ekf.errors import BadInputError
 from rw_ekf.units import rpm_from_rad_s

@@ -14,8 +14,17 @@ from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.motion_fit import MotionFit, fit_late_motion
 from rw_ekf.commissioning.moves import hold_speed, pulses, ramp, to_rest
-from rw_ekf.commissioning.scale import UNKNOWN, agreed, is_named, named_ratio
-from rw_ekf.commissioning.signs import READ, Ratios, is_unsigned, ratios_of, turned_signs
+from rw_ekf.commissioning.signs import (
+    READ,
+    UNKNOWN,
+    Ratios,
+    agreed,
+    is_named,
+    is_unsigned,
+    named_ratio,
+    ratios_of,
+    turned_signs,
+)
 from rw_ekf.commissioning.work import Work
 from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s

@@ -13,9 +13,8 @@ import yaml
 from rw_ekf.commissioning.bench import Bench, Row
 from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.map_copy import write_corrected_map
-from rw_ekf.commissioning.scale import agreed, named_ratio
 from rw_ekf.commissioning.sign import _ramp
-from rw_ekf.commissioning.signs import READ, WRITE, Ratios, turned_signs
+from rw_ekf.commissioning.signs import READ, WRITE, Ratios, agreed, named_ratio, turned_signs
 from rw_ekf.commissioning.still import lattice_of
 from tests.live.bench import ROOT, protocol_named
 
