@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from types import TracebackType
 from typing import Self
 
 from rw_ekf.live.stop_signal import RESUME, stops_heeded
@@ -28,9 +27,7 @@ class ForwardedSignals:
             self._before[number] = signal.signal(number, lambda number, frame: None)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.leave_to_parent()
 
     def leave_to_parent(self) -> None:
