@@ -64,7 +64,6 @@ def answer_to_spike(
     seed: int,
     spike: Spike | None = None,
     model: WheelModel | None = None,
-    top_rpm: float = TOP_RPM,
 ) -> SpikeAnswer:
     """What a scheme makes of a spike on the wheel of a seed, that nobody is told of and no record was learned with.
 
@@ -76,7 +75,7 @@ def answer_to_spike(
     with_spike, without = (
         run_scheme(entry, steady, noise_rpm, seed, model, plant=drawn_wheel(wheel, seed)) for wheel in (spiked, steady)
     )
-    return _answer(with_spike, without, spike, top_rpm)
+    return _answer(with_spike, without, spike)
 
 
 def _effect(scenario: Scenario, spike: Spike) -> str:
@@ -87,7 +86,7 @@ def _effect(scenario: Scenario, spike: Spike) -> str:
     )
 
 
-def _answer(with_spike: BenchRun, without: BenchRun, spike: Spike, top_rpm: float) -> SpikeAnswer:
+def _answer(with_spike: BenchRun, without: BenchRun, spike: Spike) -> SpikeAnswer:
     """From two runs that differ in the spike alone."""
     n = min(with_spike.time_s.size, without.time_s.size)
     time_s = with_spike.time_s[:n]
@@ -97,4 +96,4 @@ def _answer(with_spike: BenchRun, without: BenchRun, spike: Spike, top_rpm: floa
     asked = (with_spike.request_rad_s2[:n] - without.request_rad_s2[:n])[:-1] * np.diff(time_s)
     reached = with_spike.wheel_rad_s[:n] - without.wheel_rad_s[:n]
     error_rpm = float(np.abs(np.concatenate([[0.0], np.cumsum(asked)]) - reached).max()) / rad_s_from_rpm(1.0)
-    return SpikeAnswer(float(attitude_deg.max()), recover_s, error_rpm, error_rpm / rate_error_threshold_rpm(top_rpm))
+    return SpikeAnswer(float(attitude_deg.max()), recover_s, error_rpm, error_rpm / rate_error_threshold_rpm())

@@ -25,7 +25,6 @@ from rw_ekf.commissioning.dialogue import RefusedError
 _SIZE = 1.25  # by which a measured current may differ from the command: sensors and their offsets
 _ECHO_SIZE = 1.03
 _ANGLE_SIZE = 1.1
-_CONSISTENT = 0.9  # share of the readings whose ratio has the sign of the median
 _LEAST_RATIOS = 8
 _SMALL = 0.3  # of the largest command: below it the ratio is one of noises
 

@@ -53,7 +53,6 @@ class NoiseColour:
     seconds: float  # its time constant, or what the mean is over
     running_mean: bool
     stride: int  # readings so far apart are independent
-    chi_square: float  # that it explains
 
     def walking(self, first_row: int, rows: int) -> BoolArray:
         """One row in `stride` (rows,), and after as many a row later: never in step with a command that has a clock."""
@@ -165,8 +164,7 @@ def _explained(spectra: Float64Array, stride: int, period_s: float) -> tuple[Noi
     misfit, R = _fitted(np.log(power), np.abs(1.0 - wave) ** 2 * colours)
     chi_square = misfit / variance
     best = int(np.argmin(chi_square))
-    gained = float(chi_square[0] - chi_square[best])
-    if gained < _CLEARLY:
+    if chi_square[0] - chi_square[best] < _CLEARLY:
         return None, float(R[0])
     if best > len(low_pass):
         readings = apart = float(_MEANS[best - 1 - len(low_pass)])
@@ -177,7 +175,6 @@ def _explained(spectra: Float64Array, stride: int, period_s: float) -> tuple[Noi
         seconds=stride * readings * period_s,
         running_mean=best > len(low_pass),
         stride=stride * math.ceil(apart),
-        chi_square=gained,
     )
     return found, float(R[best])
 

@@ -19,13 +19,9 @@ def run_loop(
     estimator: Estimator,
     issue: Issue,
     sinks: Sequence[Sink],
-    watch: Watch = lambda tick: Alarms(),
-    judge: Judge = lambda reading, estimate: None,
-    turned: Callable[[StateNow | None], None] = lambda state: None,
-    compensating: Callable[[StateNow | None], CompensationNow | None] = lambda state: None,
 ) -> None:
-    """Run until the readings end: every turn of `turns`, one after the other."""
-    for _ in turns(readings, estimator, issue, sinks, watch, judge, turned, compensating):
+    """Run until the readings end: every turn of `turns`, one after the other, with nobody who watches or judges."""
+    for _ in turns(readings, estimator, issue, sinks):
         pass
 
 

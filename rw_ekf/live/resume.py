@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.clock import Clock, SystemClock
+from rw_ekf.clock import SystemClock
 from rw_ekf.live.holder import holders_of, tell
 from rw_ekf.live.published_place import published_place
 from rw_ekf.live.published_state import Published, read_published
@@ -42,13 +42,13 @@ class Resumed:
         }
 
 
-def resume_daemon(configuration: Configuration, *, of_line: bool, clock: Clock | None = None) -> Resumed | None:
+def resume_daemon(configuration: Configuration, *, of_line: bool) -> Resumed | None:
     """Tell the daemon of a configuration's port to let this wheel leave SAFE, and wait; None where none is running.
 
     of_line: it has other wheels, so that nothing is told where it is not known which word is for this one. Raises
     DriverError where the daemon is another user's.
     """
-    clock = clock if clock is not None else SystemClock()
+    clock = SystemClock()
     holders = holders_of(configuration.wheel.port, clock)
     if not holders:
         return None

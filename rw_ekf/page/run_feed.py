@@ -20,6 +20,7 @@ _OF_LOG = ("time_s", "speed_rad_s", "current_command_A", "current_A", "temperatu
 _HIDDEN = ("reason", "outcome")
 _MOST_EVENTS = 2000
 _SPEEDS = 121  # of the friction curve
+_RECENT_ROWS = 600
 _RECENT_BYTES = 1 << 18
 _ALL = (-np.inf, np.inf)
 
@@ -84,14 +85,14 @@ class RunFeed:
         except RwEkfError:
             return []
 
-    def recent(self, rows: int = 600) -> Columns:
-        """The last rows of estimates and log, so many of each column; what both have is the log's, without holes."""
+    def recent(self) -> Columns:
+        """The last rows of estimates and log, at most 600 each; what both have is the log's, without holes."""
         found: Columns = {}
         for estimates in (True, False):
             parts = [path for path in self._parts(estimates=estimates) if path.suffix == ".csv"]
             if parts:
                 table = GrowingTable(parts[-1], () if estimates else _OF_LOG, last_bytes=_RECENT_BYTES)
-                found |= {name: values[-rows:] for name, values in table.rows().items()}
+                found |= {name: values[-_RECENT_ROWS:] for name, values in table.rows().items()}
         return found
 
     def tail(self) -> RunTail:

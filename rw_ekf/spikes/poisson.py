@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+_TAIL = 0.5 * (1.0 - 0.95)  # of the interval, on either side
 _EXACT_UP_TO = 12  # events; beyond, the sum of as many uniform numbers is normal to 1e-3 of a probability
 
 
@@ -28,15 +29,14 @@ class Trend:
     late: int
 
 
-def poisson_rate(count: int, exposure: float, level: float = 0.95) -> Rate:
-    """Rate of a Poisson process with Garwood's exact interval. Raises ValueError for no exposure."""
+def poisson_rate(count: int, exposure: float) -> Rate:
+    """Rate of a Poisson process with Garwood's exact interval of 95 %. Raises ValueError for no exposure."""
     from scipy.special import gammaincinv
 
     if not exposure > 0.0:
         raise ValueError("a rate needs an exposure above zero")
-    tail = 0.5 * (1.0 - level)
-    low = 0.0 if count == 0 else float(gammaincinv(count, tail))
-    return Rate(count / exposure, low / exposure, float(gammaincinv(count + 1, 1.0 - tail)) / exposure)
+    low = 0.0 if count == 0 else float(gammaincinv(count, _TAIL))
+    return Rate(count / exposure, low / exposure, float(gammaincinv(count + 1, 1.0 - _TAIL)) / exposure)
 
 
 def laplace_test(times: Sequence[float], exposure: float) -> Trend | None:

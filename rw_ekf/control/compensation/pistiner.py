@@ -17,6 +17,7 @@ from rw_ekf.records import Tick
 from rw_ekf.units import rad_s_from_rpm
 
 TUNABLE = {"noted_rpm": (5.0, 10.0), "applied_rpm": (0.05, 5.0)}
+_WINDOW_S = 10.0
 _AWAY = 1.5  # times the noted speed, from where on the wheel has a side again
 
 
@@ -36,19 +37,17 @@ class PistinerOffset:
         viscous: float,
         speeds: OffsetSpeeds,
         known_rad_s2: float | None = None,
-        window_s: float = 10.0,
     ) -> None:
         """Gain [rad/s^2/A] and viscous friction [1/s] of the data sheet.
 
         known_rad_s2: the wheel's acceleration that the disturbances call for; None: it is measured over the last
-        window_s, since what the wheel gains without friction is what they give it.
+        ten seconds, since what the wheel gains without friction is what they give it.
         """
         self._motor_gain = motor_gain
         self._viscous = viscous
         self._noted_rad_s = rad_s_from_rpm(speeds.noted_rpm)
         self._applied_rad_s = min(rad_s_from_rpm(speeds.applied_rpm), self._noted_rad_s)
         self._known_rad_s2 = known_rad_s2
-        self._window_s = window_s
         self._timeline = Timeline()
         self._past: deque[tuple[float, float]] = deque()  # time, speed
         self._side = 0.0  # that the wheel comes from: +1 or -1; 0: not known
@@ -63,7 +62,7 @@ class PistinerOffset:
             self._side, self._coulomb_rad_s2, self._before_rad_s2 = 0.0, None, None
         speed = known.speed_rad_s
         self._past.append((tick.sample.time_s, speed))
-        while self._past[-1][0] - self._past[0][0] > self._window_s:
+        while self._past[-1][0] - self._past[0][0] > _WINDOW_S:
             self._past.popleft()
         if abs(speed) > _AWAY * self._noted_rad_s:
             self._on_a_side(math.copysign(1.0, speed))
@@ -93,6 +92,6 @@ class PistinerOffset:
         if self._known_rad_s2 is not None:
             return self._known_rad_s2
         (first_s, first), (last_s, last) = self._past[0], self._past[-1]
-        if last_s - first_s < 0.5 * self._window_s:
+        if last_s - first_s < 0.5 * _WINDOW_S:
             return None
         return (last - first) / (last_s - first_s)
