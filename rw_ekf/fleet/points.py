@@ -64,7 +64,7 @@ def course_of(
         if points.time_y.size < LEAST_POINTS:
             return None
         fit = fit_course(points, walks)
-        sought = sorted({_day_of_step(known, points, starts, fit, step.before) for step in fit.steps})
+        sought = sorted({_day_of_step(known, starts, fit, step.before) for step in fit.steps})
         if sought == breaks or points.time_y.size == known.rows.size:
             break
         breaks = sought
@@ -144,7 +144,7 @@ def _spreads(time_y: Float64Array, weight: Float64Array, starts: Int64Array) -> 
     return found
 
 
-def _day_of_step(known: KnownDays, points: Points, starts: Int64Array, fit: CourseFit, before: int) -> int:
+def _day_of_step(known: KnownDays, starts: Int64Array, fit: CourseFit, before: int) -> int:
     """The first day after a step that lies between two points: where two levels fit the days around it best."""
     ends = np.append(starts[1:], known.rows.size)
     low, high = int(starts[max(before - 1, 0)]), int(ends[min(before + 2, len(ends) - 1)])

@@ -89,7 +89,7 @@ def warnings_of(misread: tuple[str, ...], asked: tuple[str, ...] = ()) -> list[s
 def _held_against(log: WheelLog) -> tuple[Course, WindowSums, Reading, float] | None:
     """The log's course, its windows, what equation 7 makes of them, and the readings' noise; None where it is short."""
     course = Course.of_log(log)
-    noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment) or 0.0
+    noise = speed_noise_of(course.speed_rad_s, course.segment) or 0.0
     sums = window_sums(course, noise)
     if sums is None or sums.change.size < 8:
         return None
@@ -113,7 +113,7 @@ def _suspicions(
             yield from _other_reading(log, course, sums, read, noise)
         if read.gain < 0.0 and read.left < EXPLAINED and read.without_gain > GAIN_COUNTS:
             yield _of_sign(log, read, top)
-    yield from _clock_set_forward(log, course, noise)
+    yield from _clock_set_forward(log, noise)
     yield from _angle_beside_speed(log, course, top)
     if not described:
         yield from _rows_apart(log, course)
@@ -178,7 +178,7 @@ def _of_set_point(log: WheelLog) -> str:
     )
 
 
-def _clock_set_forward(log: WheelLog, course: Course, noise: float) -> Iterator[str]:
+def _clock_set_forward(log: WheelLog, noise: float) -> Iterator[str]:
     """A gap over which nothing happened: the speed is where one row would have brought it, and two of these hold.
 
     The drive is the same; it would have moved the wheel; the gap is of half hours, as a summer's time has them.

@@ -110,7 +110,7 @@ def noise_beside_motion(course: Course) -> float | None:
     A machine that settles within a few rows answers a quick command with third differences of its own. Half: what the
     command's past takes off independent readings is a few in a hundred.
     """
-    found = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
+    found = speed_noise_of(course.speed_rad_s, course.segment)
     head = course.window(0, _ANSWER_ROWS)
     third = np.diff(head.speed_rad_s, 3, prepend=(np.nan,) * 3)
     third[1:][np.diff(head.segment) != 0] = np.nan
@@ -121,7 +121,7 @@ def noise_beside_motion(course: Course) -> float | None:
     return apart if 0.0 < apart < 0.5 * found else found
 
 
-def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int64Array) -> float | None:
+def speed_noise_of(speed_rad_s: Float64Array, segment: Int64Array) -> float | None:
     """Standard deviation of one reading from third differences, robust (median); None where nothing varies.
 
     A third difference of independent readings has variance 20 sigma^2; a smooth motion contributes next to nothing.

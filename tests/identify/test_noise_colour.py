@@ -103,7 +103,7 @@ def test_the_noise_of_thinned_readings_is_read_off_them() -> None:
     """One row in five has a speed: its noise is found, not a usual one, and the wheel is recognised."""
     run = stairs(10.0, 600.0)
     reading = np.where(np.arange(run.time_s.size) % 5 == 0, run.speed_rad_s + 3.0 * white(run), np.nan)
-    found = speed_noise_of(run.time_s, reading, np.zeros(run.time_s.size, np.int64))
+    found = speed_noise_of(reading, np.zeros(run.time_s.size, np.int64))
     assert found == pytest.approx(3.0 * RAD_S_PER_RPM, rel=0.2)
     assert measure(Course.of(run.time_s, reading, run.current_A)).like_default_wheel
 

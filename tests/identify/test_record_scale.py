@@ -77,7 +77,7 @@ def test_readings_on_a_coarse_grid_have_the_grids_noise() -> None:
     """Where most readings repeat, the lattice step stands in: of the order of d / sqrt(12)."""
     run = run_of("S2", 1)
     grid = 20.0 * RAD_S_PER_RPM
-    noise = speed_noise_of(run.time_s, np.round(run.speed_rad_s / grid) * grid, np.zeros(run.time_s.size, np.int64))
+    noise = speed_noise_of(np.round(run.speed_rad_s / grid) * grid, np.zeros(run.time_s.size, np.int64))
     assert noise is not None
     assert 0.3 * grid / np.sqrt(12.0) < noise < 3.0 * grid / np.sqrt(12.0)
 
