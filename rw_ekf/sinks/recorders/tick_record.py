@@ -13,7 +13,7 @@ from rw_ekf.logs.log_columns import LOG_COLUMNS
 from rw_ekf.logs.writer import INNOVATION_COLUMNS, sample_values
 from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.records import Estimate, Outcome, StateNow, Tick, WheelSample
-from rw_ekf.sinks.happenings import Happenings
+from rw_ekf.sinks.events import Happenings
 
 _WITHIN_NS = 60_000_000_000  # the least delay of a minute is none
 _STEP_NS = 1_000_000_000  # a stamp that is earlier by less is put behind the one before
