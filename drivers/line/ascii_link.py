@@ -19,9 +19,8 @@ from rw_ekf.drivers.line.ascii_layout import AsciiRegister
 from rw_ekf.drivers.line.ascii_map import AsciiMap
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from rw_ekf.drivers.line.registers import decode_register, encode_register
+from rw_ekf.drivers.line.registers import decode_register, encode_register, telling_register
 from rw_ekf.drivers.line.serial_link import SerialLink
-from rw_ekf.drivers.line.wheel_registers import telling_register
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import STATUS_OK
 from rw_ekf.errors import DriverError

@@ -8,8 +8,7 @@ from typing import NamedTuple
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, OPPOSITE, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
 from rw_ekf.drivers.line.line import Exchange, Line
-from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
-from rw_ekf.drivers.line.wheel_registers import telling_register
+from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si, telling_register
 from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.line.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError

@@ -13,10 +13,10 @@ from rw_ekf.checking.findings import Where, checked
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits, WirePacket
 from rw_ekf.drivers.line.packets import packets_of
+from rw_ekf.drivers.line.registers import registers_beside
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.shared_port import OpenPort
-from rw_ekf.drivers.line.wheel_registers import registers_beside
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import ConfigError
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
 from rw_ekf.drivers.line.line import Exchange, Line
-from rw_ekf.drivers.line.registers import decode_register, is_plausible
-from rw_ekf.drivers.line.wheel_clock import WheelClock
-from rw_ekf.drivers.line.wheel_registers import (
+from rw_ekf.drivers.line.registers import (
     FLAG_RESET,
     MODES_OF_CURRENT,
     conditions,
+    decode_register,
+    is_plausible,
     possible_temperature,
     registers_beside,
     uptime_field,
 )
+from rw_ekf.drivers.line.wheel_clock import WheelClock
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample

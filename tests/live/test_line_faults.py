@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.drivers.line.wheel_registers import telling_register
+from rw_ekf.drivers.line.registers import telling_register
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.bench import CONFIRMED_BY_TELEMETRY, FAMILIES, Bench, virtual_wheel
 from tests.live.daemon import Event, Ran, resume, run
