@@ -15,7 +15,7 @@ from typing import Any
 from distributed import Client, Future, KilledWorker, as_completed
 
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.fleet.executor import Done, InFlight, WorkerLostError
+from rw_ekf.fleet.executors import Done, InFlight, WorkerLostError
 
 # For scheduler and workers, which are started by others (docs/fleet.md#on-many-machines): what a Dask process does by
 # the clock, and not for a task. As it comes, a worker samples its own stack a hundred times a second, asks its event

@@ -11,7 +11,7 @@ from typing import Any
 
 from rw_ekf.console import printable
 from rw_ekf.errors import BadInputError
-from rw_ekf.fleet.executor import Executor
+from rw_ekf.fleet.executors import Executor
 from rw_ekf.fleet.folder import FleetFolder, diagnosis_path, part_path
 from rw_ekf.fleet.index import FleetIndex
 from rw_ekf.fleet.plan import FleetSettings, PlannedLog, checksum, plan_of

@@ -6,11 +6,59 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from rw_ekf.errors import BadInputError
-from rw_ekf.fleet.executor import Done, Executor, InFlight, WorkerLostError
 from rw_ekf.worker_pool import cores, kill_pool, started_pool
+
+
+class WorkerLostError(Exception):
+    """A worker died each time it had this task: out of memory, as a rule."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """A task that came to an end: what it returned, or what was raised."""
+
+    key: str
+    result: Any = None
+    error: BaseException | None = None
+
+
+class Executor(Protocol):
+    """Takes tasks and gives them back as they are done, in any order; it decides where they are done, never what.
+
+    A task is a function of a module and one argument that pickles; what comes back is small, for the results are files
+    that the task itself writes.
+    """
+
+    @property
+    def cores(self) -> int:
+        """How many tasks run at a time."""
+
+    def submit(self, key: str, function: Callable[[Any], Any], argument: Any) -> None:
+        """Start a task; key: names it, and is not in flight."""
+
+    def as_completed(self) -> Iterator[Done]:
+        """Each task as it ends, with those submitted meanwhile, until none is in flight."""
+
+    def __enter__(self) -> Executor:
+        """Begin."""
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End; tasks under way are dropped where something was raised."""
+
+
+@dataclass
+class InFlight:
+    """A task that was submitted and has not ended. losses: of the workers, or of the results, that it has seen."""
+
+    key: str
+    function: Callable[[Any], Any]
+    argument: Any
+    losses: int = 0
+    alone: bool = False  # to see whose fault a worker's death is
+
 
 _SUSPECT_AFTER = 2  # deaths of a worker that a task was in flight at: from then on it runs alone, to see whose fault
 

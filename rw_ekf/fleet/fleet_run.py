@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.console import printable
-from rw_ekf.fleet.executor import Done, Executor
+from rw_ekf.fleet.executors import Done, Executor
 from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex
 from rw_ekf.fleet.manifest import ManifestLine, append, read_manifest, write_manifest

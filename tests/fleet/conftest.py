@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.fleet.executor import Executor
-from rw_ekf.fleet.executors import ProcessExecutor
+from rw_ekf.fleet.executors import Executor, ProcessExecutor
 from tests.fleet.fleets import make_fleet
 
 

@@ -14,8 +14,7 @@ import pytest
 import yaml
 
 from rw_ekf.errors import BadInputError
-from rw_ekf.fleet.executor import Executor, WorkerLostError
-from rw_ekf.fleet.executors import ProcessExecutor, executor_of
+from rw_ekf.fleet.executors import Executor, ProcessExecutor, WorkerLostError, executor_of
 
 pytestmark = pytest.mark.xdist_group("fleet")
 

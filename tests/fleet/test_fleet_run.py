@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.fleet.executor import Done, Executor
+from rw_ekf.fleet.executors import Done, Executor
 from rw_ekf.fleet.folder import fleet_folder
 from rw_ekf.fleet.manifest import read_manifest
 from rw_ekf.fleet.plan import EVERY_WHEEL, FleetSettings
