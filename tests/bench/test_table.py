@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rw_ekf.attitude_bench.single_axis import Axis, FlexibleMode
+from rw_ekf.attitude_bench.attitude import Axis, FlexibleMode
 
 
 def test_the_body_follows_its_equation_of_motion_under_any_motion_of_the_wheel() -> None:

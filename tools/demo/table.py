@@ -18,9 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.attitude_bench.attitude import AttitudePid, Gyroscope, PidGains
+from rw_ekf.attitude_bench.attitude import AttitudePid, Axis, Gyroscope, PidGains
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.single_axis import Axis
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
