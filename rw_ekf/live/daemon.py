@@ -16,10 +16,9 @@ from rw_ekf.learning.run_start import GivenModel, Start, start_of_run
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.compensating import compensated, request_socket
 from rw_ekf.live.confirm_sign import confirming
-from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel, Place
-from rw_ekf.live.loop import turns
+from rw_ekf.live.loop import following, turns
 from rw_ekf.live.outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.process import own_process

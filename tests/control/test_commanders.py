@@ -12,7 +12,7 @@ import pytest
 from rw_ekf.control.commanders import ProfileController, commander_of, logged_profile
 from rw_ekf.control.profiles.make_profile import make_profile
 from rw_ekf.errors import ConfigError
-from rw_ekf.live.follow import with_following_command
+from rw_ekf.live.loop import with_following_command
 from rw_ekf.records import LinkState, Reading, WheelSample
 from rw_ekf.settings.schema import CommandSection
 from tests.live.bench import CURRENT_COMMAND, Bench, served_wheel, wait_for
