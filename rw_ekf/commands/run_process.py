@@ -85,8 +85,7 @@ def supervised(configurations: tuple[Configuration, ...], args: argparse.Namespa
 
 def watched_by(heartbeat: Heartbeat | None, at: Claimed, log: Any, begin_safe: str | None = None) -> Oversight:
     """Who is told of a run's turns: the supervisor, systemd, whichever there is."""
-    from rw_ekf.live.oversight import Oversight
-    from rw_ekf.live.systemd import systemd_of
+    from rw_ekf.live.oversight import Oversight, systemd_of
 
     if heartbeat is not None:
         heartbeat.on_orphaned(at.stop, log)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.clock import VirtualClock
-from rw_ekf.live.systemd import SystemdWatchdog, systemd_of
+from rw_ekf.live.oversight import SystemdWatchdog, systemd_of
 from rw_ekf.records import RunState, StateNow
 from tests.faults.supervised import kill, running
 from tests.live.bench import Bench, rw_ekf
