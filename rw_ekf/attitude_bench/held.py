@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.attitude_bench import robustness, spike_table
+from rw_ekf.attitude_bench import robustness, spike_answer
 from rw_ekf.attitude_bench.bench_page import headline_of, write_page
 from rw_ekf.attitude_bench.contest import Contest, entries_of, hold_contest, models_of
 from rw_ekf.attitude_bench.contest_result import LEGEND, Row, document_of, rows_of, tables_of
@@ -32,7 +32,7 @@ class Bench(Shown):
     contest: Contest
     rows: tuple[Row, ...]  # one a scheme and noise
     bearings: tuple[Bearing, ...] | None = None  # None: robustness was not asked for
-    answers: Mapping[spike_table.Place, SpikeAnswer] | None = None  # None: nor a spike
+    answers: Mapping[spike_answer.Place, SpikeAnswer] | None = None  # None: nor a spike
 
     def document(self) -> dict[str, Any]:
         """The document of `bench --json`."""
@@ -40,7 +40,7 @@ class Bench(Shown):
         if self.bearings is not None:
             document["robustness"] = [bearing.document() for bearing in self.bearings]
         if self.answers is not None:
-            document["spikes"] = spike_table.documents_of(self.answers)
+            document["spikes"] = spike_answer.documents_of(self.answers)
         return document
 
     @property
@@ -75,7 +75,7 @@ class Bench(Shown):
     def _further(self) -> list[Table]:
         """Tables that stand below those of the reversal."""
         tables = [] if self.bearings is None else [robustness.table_of(self.bearings)]
-        return tables if self.answers is None else [*tables, spike_table.table_of(self.answers)]
+        return tables if self.answers is None else [*tables, spike_answer.table_of(self.answers)]
 
 
 def count_of_runs(
@@ -106,5 +106,5 @@ def hold_bench(
     models = models_of(schemes, scenario, model)
     contest = hold_contest(schemes, scenario, seeds, models, tick)
     bearings = tuple(robustness.sweep_all(schemes, scenario, seeds, models, tick)) if with_robustness else None
-    answers = spike_table.answers_of(schemes, scenario, models, tick) if with_spikes else None
+    answers = spike_answer.answers_of(schemes, scenario, models, tick) if with_spikes else None
     return Bench(contest, tuple(rows_of(contest)), bearings, answers)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rw_ekf.attitude_bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.contest import Models, finished
+from rw_ekf.attitude_bench.contest_tables import Table, shown
 from rw_ekf.attitude_bench.metrics import recovered_s
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.scheme_run import run_scheme
 from rw_ekf.attitude_bench.wheels import drawn_wheel
-from rw_ekf.control.compensation.schemes import SchemeEntry
+from rw_ekf.control.compensation.schemes import SCHEMES, SchemeEntry
 from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.wheel.model_file import WheelModel
 
@@ -20,6 +24,7 @@ RECOVERED_DEG = 0.01
 CASSINI_THRESHOLD_RPM = 84.0 / 0.42  # of the rate error, [L17] IV.1
 CASSINI_TOP_RPM = 2000.0  # "peak rate", ibid.
 TOP_RPM = 4200.0  # of the wheel of [CK13] and [F12]
+Place = tuple[str, float]  # a scheme and a noise [rpm]
 
 
 @dataclass(frozen=True)
@@ -97,3 +102,56 @@ def _answer(with_spike: BenchRun, without: BenchRun, spike: Spike) -> SpikeAnswe
     reached = with_spike.wheel_rad_s[:n] - without.wheel_rad_s[:n]
     error_rpm = float(np.abs(np.concatenate([[0.0], np.cumsum(asked)]) - reached).max()) / rad_s_from_rpm(1.0)
     return SpikeAnswer(float(attitude_deg.max()), recover_s, error_rpm, error_rpm / rate_error_threshold_rpm())
+
+
+def answers_of(
+    schemes: Sequence[str], scenario: Scenario, models: Models, tick: Callable[[int], object] = lambda n: None
+) -> dict[Place, SpikeAnswer]:
+    """What each scheme makes of the spike at each noise, on the first seed's wheel."""
+    places = [(name, noise_rpm) for noise_rpm in scenario.cycle.speed_noise_rpm for name in schemes]
+    jobs = {(name, noise): partial(_answered, name, scenario, noise, models.get(noise)) for name, noise in places}
+    found: dict[Place, SpikeAnswer] = {}
+    for place, answer in finished(jobs):
+        found[place] = answer
+        tick(1)
+    return {place: found[place] for place in places}
+
+
+def _answered(name: str, scenario: Scenario, noise_rpm: float, model: WheelModel | None) -> SpikeAnswer:
+    """By the scheme's name: an entry of the registry does not go from process to process."""
+    return answer_to_spike(SCHEMES[name], scenario, noise_rpm, 1, None, model)
+
+
+def documents_of(answers: Mapping[Place, SpikeAnswer]) -> list[dict[str, Any]]:
+    """As `bench --spikes --json` has them."""
+    return [
+        {"scheme": name, "noise_rpm": noise_rpm, **answer._asdict()} for (name, noise_rpm), answer in answers.items()
+    ]
+
+
+def table_of(answers: Mapping[Place, SpikeAnswer]) -> Table:
+    """The same for people."""
+    spike = Spike()
+    size = f"{spike.of_coulomb:g} x Coulomb friction at {spike.speed_rpm:g} rpm, decay {spike.decay_s:g} s"
+    return Table(
+        title=f"Drag spike of {size}",
+        heads=("scheme", "noise", "peak", "recover", "rate error", "of threshold", ""),
+        units=("", "rpm", "deg", "s", "rpm", "", ""),
+        rows=tuple(
+            (
+                name,
+                f"{noise_rpm:g}",
+                shown(answer.peak_deg, 4),
+                shown(answer.recover_s, 1),
+                shown(answer.rate_error_rpm, 1),
+                shown(answer.of_threshold, 3),
+                "trips" if answer.of_threshold >= 1.0 else "",
+            )
+            for (name, noise_rpm), answer in answers.items()
+        ),
+        words=1,
+        notes=(
+            f"recover: until the attitude stays within {RECOVERED_DEG:g} deg of where it would be; threshold of the "
+            f"rate error {rate_error_threshold_rpm():g} rpm",
+        ),
+    )

@@ -22,9 +22,8 @@ from rw_ekf.attitude_bench.metrics import metrics_of
 from rw_ekf.attitude_bench.robustness import SWEEPS, sweep_all
 from rw_ekf.attitude_bench.robustness import table_of as sweep_table
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.spike_answer import answer_to_spike
-from rw_ekf.attitude_bench.spike_table import answers_of, documents_of
-from rw_ekf.attitude_bench.spike_table import table_of as spikes_table
+from rw_ekf.attitude_bench.spike_answer import answer_to_spike, answers_of, documents_of
+from rw_ekf.attitude_bench.spike_answer import table_of as spikes_table
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.json_output import json_text
 from rw_ekf.worker_pool import workers
