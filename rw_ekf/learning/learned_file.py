@@ -9,24 +9,37 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.metadata import moment_of, utc_text
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 from rw_ekf.wheel.wheel_tag import WheelTag
+
+if TYPE_CHECKING:
+    from rw_ekf.arrays import Float64Array
 
 _METHOD = "learned"
 # Of the motor gain that the configuration starts from: beyond it the sign watch would speak of a wrong scale.
 _GAIN_FACTOR = 4.0
 _FRICTION_FACTOR = 10.0
+# One of the four parameters known twice as well, or several a little better. Two seconds of motion bring three times
+# as much, a wheel at rest nothing: a third more or less changes no run.
+_LEARNED = math.log(2.0)
+# Every parameter known half as well: what a quarter of the data gives, because a sigma goes with their root. A run as
+# long as those before replaces what they learned, a short test does not; a third more or less is a fifth or a third of
+# the data.
+_WORSE = PARAMETER_COUNT * math.log(2.0)
 
 
 @dataclass(frozen=True)
@@ -91,3 +104,18 @@ def content_of(model: WheelModel) -> dict[str, Any]:
 def _checksum(document: Mapping[str, Any]) -> str:
     source = {key: value for key, value in document["source"].items() if key != "checksum"}
     return fingerprint({**document, "source": source})
+
+
+def has_learned(before: Float64Array, after: Float64Array) -> bool:
+    """Whether the four parameters, covariances (4, 4), are known better after than before."""
+    return _gained(before, after) >= _LEARNED
+
+
+def may_replace(standing: Float64Array, new: Float64Array) -> bool:
+    """Whether a new covariance (4, 4) of the parameters is of as much worth as the one that stands there."""
+    return _gained(standing, new) >= -_WORSE
+
+
+def _gained(before: Float64Array, after: Float64Array) -> float:
+    """By how much the volume of one sigma has shrunk [nats]."""
+    return 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])

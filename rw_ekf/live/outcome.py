@@ -10,8 +10,8 @@ from typing import Any
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
+from rw_ekf.learning.learned_file import has_learned
 from rw_ekf.learning.run_start import Start
-from rw_ekf.learning.worth import has_learned
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.watches import RunWatches
 from rw_ekf.logs.atomic import write_text

@@ -12,9 +12,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.clock import Clock
 from rw_ekf.errors import RwEkfError
 from rw_ekf.filter.belief import Belief
-from rw_ekf.learning.learned_file import learned_text, out_of_bounds
+from rw_ekf.learning.learned_file import has_learned, learned_text, may_replace, out_of_bounds
 from rw_ekf.learning.run_start import Start
-from rw_ekf.learning.worth import has_learned, may_replace
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.model.state import PARAMETER_COUNT
