@@ -5,8 +5,6 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable
 
-from rw_ekf.sinks.recorders.place import host_and_port
-
 
 class Datagrams:
     """Sends and never waits. That nobody listens is no fault; what the system did not take is counted."""
@@ -31,3 +29,11 @@ class Datagrams:
     def close(self) -> None:
         """Send no more."""
         self._socket.close()
+
+
+def host_and_port(place: str) -> tuple[str, int]:
+    """Take HOST:PORT apart, brackets around an address of IPv6 removed. Raises OSError for a port that is none."""
+    host, _, port = place.rpartition(":")
+    if int(port) > 65535:
+        raise OSError(None, f"{port} is no port, the largest is 65535")
+    return host.strip("[]"), int(port)

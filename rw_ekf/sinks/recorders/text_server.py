@@ -8,7 +8,7 @@ import socket
 import threading
 from collections.abc import Callable
 
-from rw_ekf.sinks.recorders.place import host_and_port
+from rw_ekf.sinks.recorders.datagrams import host_and_port
 
 _MOST_OPEN = 32
 _WITHIN_S = 3.0  # a connection is over, whatever the client does
