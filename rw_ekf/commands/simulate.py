@@ -25,23 +25,15 @@ EXAMPLE = """example:
 MAX_SPEED_RPM = 1.0e5
 
 
-class _ListEffects(argparse.Action):
-    """Print the effects and leave, like --help."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
-        from rw_ekf.drivers.sim.plant_effect_text import describe_effects
-
-        sys.stdout.write("\n".join(describe_effects()) + "\n")
-        parser.exit()
-
-
-class _ListFaults(argparse.Action):
-    """Print the faults and leave, like --help."""
+class _List(argparse.Action):
+    """Print all effects, or faults, that there are, and leave, like --help."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
         from rw_ekf.drivers.sim.fault_text import describe_faults
+        from rw_ekf.drivers.sim.plant_effect_text import describe_effects
 
-        sys.stdout.write("\n".join(describe_faults()) + "\n")
+        lines = describe_effects() if self.dest == "effects" else describe_faults()
+        sys.stdout.write("\n".join(lines) + "\n")
         parser.exit()
 
 
@@ -69,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help="effects by formulas of your own (YAML), for --effect; see docs/own-effects.md",
     )
-    parser.add_argument("--effects", nargs=0, action=_ListEffects, help="list all effects with their parameters")
+    parser.add_argument("--effects", nargs=0, action=_List, help="list all effects with their parameters")
     parser.add_argument(
         "--fault",
         metavar="KIND:amount@start:lasts:period,...",
@@ -77,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a fault of the line or the wheel, or NAME=KIND... of one of several wheels; may be repeated",
     )
-    parser.add_argument("--faults", nargs=0, action=_ListFaults, help="list all faults with their amounts")
+    parser.add_argument("--faults", nargs=0, action=_List, help="list all faults with their amounts")
     parser.add_argument("--seed", type=int, default=0, help="of the noise and the faults (default 0)")
     parser.add_argument("--speed-factor", metavar="X", type=float, default=1.0, help="wheel time runs X times as fast")
     parser.add_argument("--initial-speed-rpm", metavar="RPM", type=float, default=0.0, help="speed at the start")

@@ -120,9 +120,7 @@ class McapRecorder:
             self._packer.pack([self._file.path])
 
 
-def recorder_of(run: RunContext) -> McapRecorder:
-    """The recorder of a run."""
-    return McapRecorder(run)
+recorder_of = McapRecorder
 
 
 def _schema(meaning: str, fields: Any) -> dict[str, Any]:

@@ -127,6 +127,4 @@ class MqttRecorder:
         self._up = False
 
 
-def recorder_of(run: RunContext) -> MqttRecorder:
-    """The recorder of a run."""
-    return MqttRecorder(run)
+recorder_of = MqttRecorder

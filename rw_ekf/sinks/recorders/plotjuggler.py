@@ -57,9 +57,7 @@ class PlotJugglerRecorder:
         self._datagrams.close()
 
 
-def recorder_of(run: RunContext) -> PlotJugglerRecorder:
-    """The recorder of a run."""
-    return PlotJugglerRecorder(run)
+recorder_of = PlotJugglerRecorder
 
 
 def _numbers(values: dict[str, Any]) -> dict[str, float]:

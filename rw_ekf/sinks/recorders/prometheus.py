@@ -159,9 +159,7 @@ class PrometheusRecorder:
         )  # fmt: skip
 
 
-def recorder_of(run: RunContext) -> PrometheusRecorder:
-    """The recorder of a run."""
-    return PrometheusRecorder(run)
+recorder_of = PrometheusRecorder
 
 
 def _of_sample(sample: WheelSample, commanded_A: float | None) -> Iterator[Family]:
