@@ -14,12 +14,13 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import Executor
 from rw_ekf.fleet.folder import FleetFolder, diagnosis_path, part_path
 from rw_ekf.fleet.index import FleetIndex
-from rw_ekf.fleet.plan import FleetSettings, PlannedLog, checksum, plan_of
+from rw_ekf.fleet.plan import FleetSettings, PlannedLog, plan_of
 from rw_ekf.fleet.result_rows import FAILED, NOT_DONE, OK
 from rw_ekf.fleet.wheel_trends import WheelTrend
 from rw_ekf.fleet.window_diagnosis import SCHEMA as WINDOW_SCHEMA
 from rw_ekf.fleet.window_diagnosis import VERSION, WindowTask, diagnose_window
 from rw_ekf.fleet.windows import Window, windows_of
+from rw_ekf.learning.learned_file import fingerprint
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.plain_file import json_of
 from rw_ekf.shown import Shown
@@ -151,7 +152,7 @@ class Diagnosable:
         """What a worker is sent, with the place of what it is to write."""
         log, settings = self.planned[window.wheel, window.log].log, self.settings
         model, configuration = settings.plain(log.wheel)
-        name = checksum([VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, window.day])
+        name = fingerprint(VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, window.day)
         path = diagnosis_path(self.folder.diagnoses.absolute(), log.wheel, window.day, name)
         return WindowTask(self.index.directory, str(path), log, window.day, model, configuration, settings.columns)
 

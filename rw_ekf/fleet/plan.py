@@ -7,8 +7,6 @@ of its wheel, and of nothing else; and a result whose checksum is wanted has bee
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.folder import part_path
 from rw_ekf.fleet.index import FleetIndex, FleetLog
+from rw_ekf.learning.learned_file import fingerprint
 from rw_ekf.version import __version__
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ class FleetSettings:
     def hash(self, wheel: str) -> str:
         """Checksum of all that a wheel's results depend on beside its logs."""
         model, configuration = self.plain(wheel)
-        return checksum([__version__, RESULT_VERSION, model, configuration, self.columns_text])
+        return fingerprint(__version__, RESULT_VERSION, model, configuration, self.columns_text)
 
     def plain(self, wheel: str) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
         """The model that a wheel starts from and the configuration, as plain data that any process can be sent."""
@@ -74,7 +73,7 @@ def plan_of(index: FleetIndex, settings: FleetSettings) -> dict[str, list[Planne
         model_hash, before = settings.hash(wheel), ""
         planned = []
         for log in logs:
-            before = checksum([before, log.content, log.begins_utc, model_hash])
+            before = fingerprint(before, log.content, log.begins_utc, model_hash)
             planned.append(PlannedLog(log, before, model_hash))
         plan[wheel] = planned
     return plan
@@ -111,8 +110,3 @@ def models_of(path: str | Path | None) -> dict[str, WheelModel]:
     if not found:
         raise BadInputError(f"{path}: is a folder without a model in it: WHEEL.yaml for a wheel, default.yaml for all")
     return found
-
-
-def checksum(parts: Sequence[Any]) -> str:
-    """Of plain data, over its text."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
