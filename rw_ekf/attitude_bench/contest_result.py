@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rw_ekf.attitude_bench.contest import Contest, Entry
 from rw_ekf.attitude_bench.contest_tables import Table, shown
-from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
+from rw_ekf.attitude_bench.metrics import RECOVERED_DEG, Metrics
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 
@@ -65,15 +65,9 @@ def _row(contest: Contest, scheme: str, noise_rpm: float) -> Row:
     return Row(
         scheme=scheme,
         noise_rpm=noise_rpm,
-        peak_deg=_middle(peaks),
         worst_deg=max(peak if math.isfinite(peak) else math.inf for peak in peaks),
-        steady_deg=_middle([run.steady_deg for run in runs]),
-        recover_s=_middle([run.recover_s for run in runs]),
-        stop_s=_middle([run.stop_s for run in runs]),
-        effort_A_s=_middle([run.effort_A_s for run in runs]),
-        chatter_A_per_s=_middle([run.chatter_A_per_s for run in runs]),
-        impulse_Nms=_middle([run.impulse_Nms for run in runs]),
         seeds=sum(math.isfinite(peak) for peak in peaks),
+        **{name: _middle([getattr(run, name) for run in runs]) for name in Metrics._fields},
     )
 
 
