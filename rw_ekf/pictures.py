@@ -68,7 +68,7 @@ def run_figure(
 
 
 @picture
-def fit_figure(summary: FitSummary, *, wheel_units: bool = True) -> Figure:
+def fit_figure(summary: FitSummary, *, wheel_units: bool) -> Figure:
     """Draw a fit: readings and free run, what the free run misses, and the autocorrelation of the one-step residual."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator

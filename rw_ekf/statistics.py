@@ -60,7 +60,7 @@ class RunStatistics:
         self.nis_sum += test.nis
         self.nis_inside_95 += test.nis <= _NIS_95
 
-    def add_run(self, course: Course, run: FilterRun, begin: int = 0) -> None:
+    def add_run(self, course: Course, run: FilterRun, begin: int) -> None:
         """Count the samples of a compiled pass from `begin` on; those before are of a part that has been counted."""
         import numpy as np
 

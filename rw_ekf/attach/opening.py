@@ -71,7 +71,7 @@ def opener(
 
 
 def _opener(
-    configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool = True, exclusive: bool = True
+    configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool, exclusive: bool = True
 ) -> Callable[[WheelDriver | None], WheelDriver]:
     """The same over the protocol as it is."""
 

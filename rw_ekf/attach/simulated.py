@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def serve_bus(
     wheels: Sequence[tuple[WheelProtocol, PlantParameters, dict[str, Any]]],
     link_path: str,
-    faults: Sequence[Any] = (),
-    seed: int = 0,
-    baud: int | None = None,
+    faults: Sequence[Any],
+    seed: int,
+    baud: int | None,
     **options: Any,
 ) -> None:
     """Serve simulated wheels behind one pseudo-terminal until a signal, as `WheelProtocol.serve` one.

@@ -67,7 +67,7 @@ def headline_of(rows: Sequence[Row]) -> str:
 
 
 def page_text(
-    contest: Contest, rows: Sequence[Row], pictures: Mapping[str, bytes], headline: str, further: Sequence[Table] = ()
+    contest: Contest, rows: Sequence[Row], pictures: Mapping[str, bytes], headline: str, further: Sequence[Table]
 ) -> str:
     """The whole HTML document."""
     scenario = contest.scenario

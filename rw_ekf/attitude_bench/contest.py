@@ -95,7 +95,7 @@ def hold_runs(
     conditions: Mapping[Condition, Scenario],
     seeds: int,
     models: Mapping[Condition, Models],
-    tick: Callable[[int], object] = lambda n: None,
+    tick: Callable[[int], object],
 ) -> dict[Condition, dict[str, list[float]]]:
     """Peaks [deg] of every scheme under every condition, one a seed, each at its scenario's first noise."""
     peaks: dict[Condition, dict[str, list[float]]] = {}

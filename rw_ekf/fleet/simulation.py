@@ -77,7 +77,7 @@ class WheelTruth:
     step: float  # of Coulomb friction from then on, relative
 
 
-def simulate_fleet(directory: str | Path, shape: FleetShape, workers: int | None = None) -> dict[str, Any]:
+def simulate_fleet(directory: str | Path, shape: FleetShape, workers: int | None) -> dict[str, Any]:
     """Write a fleet's logs as `DIR/wheel=W/DAY.parquet`; returns the document of `simulate fleet`.
 
     Raises BadInputError where the shape cannot be, or the place not be written.

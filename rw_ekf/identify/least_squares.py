@@ -106,9 +106,7 @@ def least_squares(
     )
 
 
-def default_starts(
-    course: Course, constants: FilterConstants, prior: Belief, effects: EffectSet = NO_EFFECTS
-) -> list[Float64Array]:
+def default_starts(course: Course, constants: FilterConstants, prior: Belief, effects: EffectSet) -> list[Float64Array]:
     """The filter's own estimate, and two others that differ in T_s: equal to c, and a third above it; (4 + m,) each.
 
     The a priori in place of an estimate with which a free run would run away: where the filter lost its way.

@@ -29,7 +29,7 @@ class Connection:
         *,
         writes: bool,
         speed_step_rad_s: float,
-        back_at_zero_within_s: float = 0.5,
+        back_at_zero_within_s: float,
         say: Say,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.

@@ -374,8 +374,8 @@ def zero_and_close(
     driver: WheelDriver,
     limits: LimitsSection,
     clock: Clock,
-    within_s: float = _CONFIRMED_WITHIN_S,
-    say: Say = lambda event, text: None,
+    within_s: float,
+    say: Say,
 ) -> bool:
     """Zero from outside the loop, over a line that is closed behind it, as `CurrentGuard.stand_down`."""
     try:

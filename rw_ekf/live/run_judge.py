@@ -71,7 +71,7 @@ class RunJudge:
         belief: Callable[[], ParameterBelief],
         *,
         tells_temperature: bool,
-        stribeck: Stribeck | None = None,
+        stribeck: Stribeck | None,
     ) -> None:
         """sign: the watch over the gain. belief: what the estimator believes at present.
 

@@ -46,7 +46,7 @@ class StopSignal:
         self._before: dict[int, object] = {}
         self._resume: dict[int, Callable[[], None]] = {}
 
-    def on_resume(self, action: Callable[[], None], number: int = RESUME) -> None:
+    def on_resume(self, action: Callable[[], None], number: int) -> None:
         """Take what a word to resume calls: from a signal handler, so it may do no more than assign."""
         self._resume[number] = action
         if self._before and number not in self._before:  # none before: not the main thread, which alone may have any

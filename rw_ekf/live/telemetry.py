@@ -55,7 +55,7 @@ class TelemetryCheck:
         current: CurrentWatch | None = None,
         confirmed: Callable[[], bool] = lambda: True,
         *,
-        writes: bool = True,
+        writes: bool,
     ) -> None:
         """stuck, belief: the tests by the model, and what the estimator believes at present; none: no such test.
 

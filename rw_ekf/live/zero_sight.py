@@ -70,7 +70,7 @@ class _Left(NamedTuple):
 class ZeroSight:
     """Takes the readings that follow a zero."""
 
-    def __init__(self, limit_A: float, speed_step_rad_s: float, slowing: Slowing = lambda speed_rad_s: None) -> None:
+    def __init__(self, limit_A: float, speed_step_rad_s: float, slowing: Slowing) -> None:
         """limit_A: limits.current_A. speed_step_rad_s: noise or resolution of a reading, whichever is larger.
 
         slowing: the friction at a speed as it was believed before the zero, with its sigma [rad/s^2]; None: not known.

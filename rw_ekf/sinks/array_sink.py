@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rw_ekf.model.state import STATE_NAMES
 from rw_ekf.records import FilterReset, Outcome, Tick
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 class ArraySink:
     """Collects a replay through the loop into the arrays that the compiled pass would have filled."""
 
-    def __init__(self, n: int, advance: Callable[[int], object] = lambda n: None, size: int = len(STATE_NAMES)) -> None:
+    def __init__(self, n: int, advance: Callable[[int], object], size: int) -> None:
         import numpy as np
 
         from rw_ekf.filter import decisions
