@@ -21,7 +21,7 @@ from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Estimate, IssuedCommand, LinkState, Outcome, Reading, Tick, WheelSample, WheelState
 from rw_ekf.units import rpm_from_rad_s
-from rw_ekf.watch.opposite import OppositeTold
+from rw_ekf.watch.sign_watch import OppositeTold
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration

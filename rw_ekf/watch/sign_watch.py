@@ -26,10 +26,10 @@ import math
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.driver import OPPOSITE
 from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, Tick, WheelSample
-from rw_ekf.watch.opposite import OppositeTold
 
 PIECE_S = 0.5
 LONGEST_STEP_S = 5.0  # a longer interval between readings is a gap
@@ -46,6 +46,7 @@ _INNOVATIONS_KEPT = 20.0
 _LEAPS = 5.0  # sigmas; one piece alone, for what goes on is the wheel
 _FORGETS_S = 30.0  # of motion: what flips after ten healthy minutes is found as soon as what flips at once
 _GAIN, _COULOMB, _OUTSIDE = 0, 2, 3  # places in the regression (eq. 1); viscous friction is 1
+_FOR_CERTAIN = 5  # commands running
 
 
 class SignWatch:
@@ -216,3 +217,31 @@ class SignWatch:
         self._P *= math.exp(self._T / _FORGETS_S)
         beyond = np.sqrt(np.minimum(1.0, self._widest / self._P.diagonal()))
         self._P *= np.outer(beyond, beyond)
+
+
+class OppositeTold:
+    """Counts commands that telemetry told with the other sign; one that it bears out begins anew."""
+
+    def __init__(self) -> None:
+        self._running = 0
+
+    def add(self, issued: IssuedCommand | None) -> None:
+        """Take what became of a command; a zero has no sign."""
+        if issued is not None and issued.reason == OPPOSITE:
+            self._running += 1
+        elif issued is not None and issued.acknowledged and issued.current_A != 0.0:
+            self._running = 0
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether it has been so for long enough."""
+        return self._running >= _FOR_CERTAIN
+
+    @staticmethod
+    def text(place: str) -> str:
+        """For a person. place: where the scale of what is written stands."""
+        return (
+            "every current that is commanded is told by telemetry with the opposite sign, so that none counts as "
+            "taken: in the wire map the scale of current_command where it is written has the other sign than that "
+            f"of the current that is read. Turn the sign of one of the two; what is written stands in {place}"
+        )
