@@ -1,13 +1,16 @@
-"""What a scheme starts a run with: an estimator, what it may know of the wheel, the wheel itself, its data sheet."""
+"""What a scheme starts a run with: an estimator, what it may know of the wheel, wheel, data sheet; and the run."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rw_ekf.attitude_bench.bench_run import BenchRun, run_bench
+from rw_ekf.attitude_bench.margins import scenario_for
 from rw_ekf.attitude_bench.scenario import BeliefSection, Scenario
 from rw_ekf.attitude_bench.wheels import (
     constants_of,
@@ -189,3 +192,31 @@ def _knowledge(constants: FilterConstants, fixed: FrictionParameters | None, *, 
 
 def _filter_is_well(tick: Tick) -> bool:
     return tick.estimate.health is None
+
+
+def run_scheme(
+    entry: SchemeEntry,
+    scenario: Scenario,
+    noise_rpm: float,
+    seed: int,
+    model: WheelModel | None = None,
+    *,
+    plant: PlantParameters | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> BenchRun:
+    """Run a scheme on the wheel of a seed.
+
+    model: what a diagnosis made of this wheel, see `start_of`. plant: a wheel in place of the one that was learned
+    from. parameters: in place of the scheme's own.
+    """
+    start = start_of(entry, scenario, noise_rpm, seed, model)
+    return run_bench(
+        scenario_for(entry, scenario),
+        start.plant if plant is None else plant,
+        noise_rpm,
+        seed,
+        start.estimator,
+        entry.make(start.sheet, **(parameters or {})),
+        start.knowledge,
+        entry.inner_rate_hz,
+    )

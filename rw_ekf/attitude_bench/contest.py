@@ -9,10 +9,9 @@ from functools import partial
 from typing import TypeVar
 
 from rw_ekf.attitude_bench.bench_run import BenchRun
-from rw_ekf.attitude_bench.bench_start import diagnosed
+from rw_ekf.attitude_bench.bench_start import diagnosed, run_scheme
 from rw_ekf.attitude_bench.metrics import Metrics, metrics_of
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.scheme_run import run_scheme
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.worker_pool import workers

@@ -22,9 +22,9 @@ from scipy.stats import qmc
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.attitude_bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.bench_start import run_scheme
 from rw_ekf.attitude_bench.metrics import metrics_of
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.scheme_run import run_scheme
 from rw_ekf.control.compensation.schemes import SCHEMES, SchemeEntry
 
 TRAINING_SEED = 0
