@@ -1,4 +1,4 @@
-"""What a verb says when it is done: one JSON document where --json asks for it, else text for a person."""
+"""What a verb says when it is done: one JSON document where --json asks for it, else text; and of undrawn pictures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import argparse
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
+
+from rw_ekf.errors import PictureError
 
 
 def answer(args: argparse.Namespace, document: Callable[[], Mapping[str, Any]], text: Callable[[], str]) -> None:
@@ -17,3 +19,13 @@ def answer(args: argparse.Namespace, document: Callable[[], Mapping[str, Any]], 
     else:
         sys.stdout.write(f"{text()}\n")
         sys.stdout.flush()
+
+
+def drawn(draw: Callable[[], object]) -> bool:
+    """Draw; False where that failed, which is then said on standard error."""
+    try:
+        draw()
+    except PictureError as error:
+        sys.stderr.write(f"rw-ekf: error: {error}; all else is as it should be\n")
+        return False
+    return True

@@ -51,10 +51,9 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.attitude_bench.held import count_of_runs, hold_bench
     from rw_ekf.attitude_bench.prepare import scenario_of, schemes_of
-    from rw_ekf.commands.answer import answer
+    from rw_ekf.commands.answer import answer, drawn
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.commands.inputs import read_wheel_model
-    from rw_ekf.commands.undrawn import drawn
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.worker_pool import cores

@@ -55,8 +55,8 @@ def execute(args: argparse.Namespace) -> int:
 
 def _commissioned(args: argparse.Namespace, stop: StopSignal) -> int:
     from rw_ekf.clock import SystemClock
+    from rw_ekf.commands.answer import drawn
     from rw_ekf.commands.first_use import make_ready
-    from rw_ekf.commands.undrawn import drawn
     from rw_ekf.commissioning.dialogue import Stopped
     from rw_ekf.commissioning.progress import Progress
     from rw_ekf.commissioning.steps import commission

@@ -7,7 +7,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from rw_ekf.commands.answer import answer
+from rw_ekf.commands.answer import answer, drawn
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
@@ -19,7 +19,6 @@ from rw_ekf.commands.inputs import (
     refuse_to_overwrite,
     wheel_of_logs,
 )
-from rw_ekf.commands.undrawn import drawn
 
 HELP = "find what the model lacks in a log, add it, and prove it"
 EXAMPLE = """example:

@@ -52,9 +52,8 @@ def _rates(text: str) -> tuple[float, ...]:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises BadInputError."""
-    from rw_ekf.commands.answer import answer
+    from rw_ekf.commands.answer import answer, drawn
     from rw_ekf.commands.inputs import refuse_to_overwrite
-    from rw_ekf.commands.undrawn import drawn
     from rw_ekf.errors import BadInputError
     from rw_ekf.flyby.flyby_plan import TABLE_A1_RPM, case_of, plan_document, plan_text
     from rw_ekf.flyby.settings import read_flyby

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.commands.answer import drawn
 from rw_ekf.commands.inputs import (
     add_log_options,
     read_column_map,
@@ -15,7 +16,6 @@ from rw_ekf.commands.inputs import (
     read_wheel_model,
     refuse_to_overwrite,
 )
-from rw_ekf.commands.undrawn import drawn
 from rw_ekf.errors import BadInputError
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises LogError or BadInputError."""
     from pathlib import Path
 
-    from rw_ekf.commands.undrawn import drawn
+    from rw_ekf.commands.answer import drawn
     from rw_ekf.logs.picture_file import check_picture_suffix
     from rw_ekf.spikes.trending import spikes_document, spikes_of_directory, spikes_text
 
