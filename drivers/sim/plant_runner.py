@@ -50,6 +50,11 @@ class PlantRunner:
         """The true speed [rad/s]."""
         return self.state.speed_rad_s
 
+    @property
+    def flowing_A(self) -> float:
+        """The true current in the winding [A]."""
+        return self.state.winding_current_A if self.parameters.actuator_lag_s > 0.0 else self.current_A
+
     def command(self, current_A: float, from_s: float | None = None) -> None:
         """Command a current [A] that acts from `from_s` (default: now) plus the plant's transport delay."""
         start_s = (self.time_s if from_s is None else max(from_s, self.time_s)) + self.parameters.transport_delay_s

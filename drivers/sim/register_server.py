@@ -216,19 +216,13 @@ class RegisterServer:
             self._flags |= FLAG_LIMITED
         self._drive(current_A)
 
-    @property
-    def current_A(self) -> float:
-        """What flows."""
-        lags = self.plant.parameters.actuator_lag_s > 0.0
-        return self.plant.state.winding_current_A if lags else self.plant.current_A
-
     # --- telemetry ----------------------------------------------------------------------------------------------
 
     def _telemetry(self, register: Register) -> dict[str, float]:
         """SI values of what the register may carry, at the plant's time."""
         plant = self.plant
         values = {
-            "current": self.current_A,
+            "current": self.plant.flowing_A,
             "current_command": self.command_A,
             "speed_reference": self.speed_reference_rad_s,
             "temperature": plant.state.temperature_degC,

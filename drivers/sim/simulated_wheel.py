@@ -76,7 +76,7 @@ class SimulatedWheel:
         sample = WheelSample(
             time_s=self.truth.time_s,
             speed_rad_s=_on_grid(self.truth.read_speed(), self._speed_step_rad_s),
-            current_A=self._current_A,
+            current_A=self.truth.flowing_A,
             current_command_A=self.truth.current_A,
             temperature_degC=self.truth.state.temperature_degC,
             angle_rad=self.truth.state.angle_rad,
@@ -112,12 +112,6 @@ class SimulatedWheel:
     def close(self) -> None:
         """End the simulation; a wheel that is no longer driven keeps its last current."""
         self._closed = True
-
-    @property
-    def _current_A(self) -> float:
-        """The true current in the winding [A]."""
-        lags = self.truth.parameters.actuator_lag_s > 0.0
-        return self.truth.state.winding_current_A if lags else self.truth.current_A
 
     def _check_open(self) -> None:
         if self.unplugged:

@@ -35,7 +35,7 @@ class VescServer(RegisterServer):
 
     def _count(self) -> None:
         """Count the charge that has flowed since this was done last."""
-        self._charge_A_s += self.current_A * (self.plant.time_s - self._counted_s)
+        self._charge_A_s += self.plant.flowing_A * (self.plant.time_s - self._counted_s)
         self._counted_s = self.plant.time_s
 
     def restart(self) -> None:
@@ -47,6 +47,6 @@ class VescServer(RegisterServer):
         values = super()._telemetry(register) | {"turned": self._turned_rad}
         passed_s = self.plant.time_s - self._told_s
         if register.field("current"):
-            values["current"] = self._charge_A_s / passed_s if passed_s > 0.0 else self.current_A
+            values["current"] = self._charge_A_s / passed_s if passed_s > 0.0 else self.plant.flowing_A
             self._charge_A_s, self._told_s = 0.0, self.plant.time_s
         return values
