@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 from collections.abc import Mapping
 from functools import lru_cache
@@ -49,7 +50,7 @@ class RunFeed:
     def _parts(self, *, estimates: bool) -> list[Path]:
         """Parts in order, each in the first of the forms that is there."""
         found: dict[int, tuple[int, Path]] = {}
-        for path in self.stem.parent.glob(f"{_literal(self.stem.name)}*"):
+        for path in self.stem.parent.glob(f"{glob.escape(self.stem.name)}*"):
             part = PartName.of(path.name)
             if part is None or part.stem != self.stem.name or part.estimates != estimates:
                 continue
@@ -268,7 +269,3 @@ def runs_in(folder: Path) -> list[Path]:
         if part is not None and not part.estimates and beside(path, "meta.yaml").exists():
             stems.setdefault(part.stem, path)
     return [stems[stem] for stem in sorted(stems, reverse=True)]
-
-
-def _literal(name: str) -> str:
-    return "".join(f"[{sign}]" if sign in "[]*?" else sign for sign in name)

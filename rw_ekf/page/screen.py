@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
 
 _SIGMAS_95 = 1.96
 _BLOCKS = "▁▂▃▄▅▆▇█"
-_UNITS = {"motor_gain": "rad/s^2/A", "viscous": "1/s", "coulomb": "rad/s^2", "static": "rad/s^2"}
 
 
 def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
@@ -33,7 +33,7 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
         f"{'speed':<{label}}{_number(state.get('speed_rad_s'), std.get('speed_rad_s'), 1.0 / RAD_S_PER_RPM)} rpm",
         f"{'current, commanded'[:label]:<{label}}{_short(document.get('current_command_A')):>12} A",
         *(
-            f"{name.replace('_', ' ')[:label]:<{label}}{_number(value, std.get(name))} {_UNITS.get(name, '')}"
+            f"{name.replace('_', ' ')[:label]:<{label}}{_number(value, std.get(name))} {STATE_UNITS.get(name, '')}"
             for name, value in state.items()
             if name != "speed_rad_s"
         ),
