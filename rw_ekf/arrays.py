@@ -36,3 +36,9 @@ def spanning(rows: Float64Array, least: float = 1.0e-8) -> Float64Array:
     _, sizes, axes = np.linalg.svd(triangle)
     used = sizes > least * max(float(sizes.max(initial=0.0)), 1.0e-300)
     return np.asarray(rows @ (axes[: sizes.size][used].T / sizes[used]))
+
+
+def scaled_root(covariance: Float64Array) -> Float64Array:
+    """Lower triangular L with L L' the covariance (n, n), of numbers of any size. Raises LinAlgError for none."""
+    size = np.sqrt(np.diag(covariance))
+    return np.asarray(size[:, None] * np.linalg.cholesky(covariance / np.outer(size, size)))

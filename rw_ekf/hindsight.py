@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import scaled_root
 from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
@@ -249,17 +249,11 @@ def wider_as(found: Sequence[tuple[float, Belief]], middle: Belief, whole: Belie
     for weight, part in found:
         off = (part.mean - middle.mean)[known]
         spread += weight * (part.covariance[known, known] + np.outer(off, off))
-    of_part, of_whole = _root(middle.covariance[known, known]), _root(P[known, known])
+    of_part, of_whole = scaled_root(middle.covariance[known, known]), scaled_root(P[known, known])
     shares = np.linalg.solve(of_part, np.linalg.solve(of_part, spread).T)
     wider = of_whole @ (0.5 * (shares + shares.T)) @ of_whole.T
     follows = np.linalg.solve(P[known, known], P[known]).T  # the speed and hidden states follow the parameters
     return Belief(whole.mean, P + follows @ (wider - P[known, known]) @ follows.T)
-
-
-def _root(covariance: Float64Array) -> Float64Array:
-    """Lower triangular L with L L' the covariance (n, n), of numbers of any size."""
-    size = np.sqrt(np.diag(covariance))
-    return np.asarray(size[:, None] * np.linalg.cholesky(covariance / np.outer(size, size)))
 
 
 def filtered(course: Course, setup: FilterSetup, *, keep_states: bool = False, keep_history: bool = False) -> FilterRun:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, scaled_root
 from rw_ekf.fleet.carry import Starting
 from rw_ekf.fleet.log_days import DayOfLog
 from rw_ekf.logs.atomic import atomic_path
@@ -171,8 +171,7 @@ def own_share(
     log's. Raises LinAlgError where a covariance is none.
     """
     m0, P0 = before
-    scale = np.sqrt(np.diag(P0))
-    root = scale[:, None] * np.linalg.cholesky(P0 / np.outer(scale, scale))  # P0 = root root'
+    root = scaled_root(P0)
     whitened = np.linalg.solve(root, np.linalg.solve(root, after[1]).T)
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
     gained = np.maximum(1.0 / np.maximum(values, np.finfo(float).tiny) - 1.0, 0.0)
