@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Complex128Array, Float64Array
 from rw_ekf.flyby.geometry import Flyby
 
-Complex128Array = npt.NDArray[np.complex128]
 _NOTHING = 1.0e-14  # of the largest coefficient
 
 
