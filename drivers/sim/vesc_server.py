@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rw_ekf.drivers.line.vesc_map import VescMap
+from rw_ekf.drivers.line.vesc_protocol import VescMap
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.sim.register_server import RegisterServer
 
