@@ -2,7 +2,7 @@
 
     protocols -> register_protocol -> wire_map -> registers -> framing -> serial_link -> serial_wheel      on a line
               -> nsp_protocol, nsp                             the same registers as another family of wheels has them
-              -> ascii_protocol, ascii_link, ascii_map         lines of text: ascii_layout, ascii_codec, ascii_template
+              -> ascii_protocol, ascii_link                    lines of text: ascii_layout, ascii_codec, ascii_template
     plant, plant_effects -> plant_runner -> register_server -> pty_server           a simulated wheel behind one
                                          -> simulated_wheel                         the same plant without a line
                          -> plant_batch                                             the same plant, compiled

@@ -17,7 +17,7 @@ from functools import reduce
 from operator import xor
 
 from rw_ekf.drivers.line.ascii_layout import TERMINATORS, AsciiRegister
-from rw_ekf.drivers.line.ascii_map import AsciiMap
+from rw_ekf.drivers.line.ascii_protocol import AsciiMap
 from rw_ekf.drivers.line.ascii_template import ADDRESS, LONGEST_LINE, Template
 from rw_ekf.drivers.line.framing import CRCS, Decoded, Frame, crc16
 from rw_ekf.drivers.line.wire_map import STATUS_OK

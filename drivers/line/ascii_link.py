@@ -16,7 +16,7 @@ from typing import Any
 
 from rw_ekf.drivers.line.ascii_codec import AsciiCodec
 from rw_ekf.drivers.line.ascii_layout import AsciiRegister
-from rw_ekf.drivers.line.ascii_map import AsciiMap
+from rw_ekf.drivers.line.ascii_protocol import AsciiMap
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.registers import decode_register, encode_register, telling_register

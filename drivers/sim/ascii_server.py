@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rw_ekf.drivers.line.ascii_codec import STARTUP_ID, AsciiCodec
-from rw_ekf.drivers.line.ascii_map import AsciiMap
+from rw_ekf.drivers.line.ascii_protocol import AsciiMap
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.sim.register_server import REFUSED, RegisterServer, Reply

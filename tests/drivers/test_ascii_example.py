@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.drivers.line.ascii_map import AsciiMap
+from rw_ekf.drivers.line.ascii_protocol import AsciiMap
 from rw_ekf.drivers.line.registers import decode_register, encode_register
 from tests.drivers.test_ascii_link import Rig
 from tests.live.bench import ROOT, wire_map_of
