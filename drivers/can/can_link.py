@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.can.can_bus import SERIAL_INTERFACE, CanBus, CanPort, PythonCanBus
-from rw_ekf.drivers.can.can_cycle import Told
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
-from rw_ekf.drivers.can.can_hearing import Hearing
+from rw_ekf.drivers.can.can_hearing import Hearing, Told
 from rw_ekf.drivers.can.can_map import CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.bearing_out import Bearing, Standing

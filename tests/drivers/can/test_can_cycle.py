@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rw_ekf.drivers.can.can_cycle import Cycle, Fresh
+from rw_ekf.drivers.can.can_hearing import Cycle, Fresh
 
 A, B = {"x": 1.0}, {"y": 2.0}
 
