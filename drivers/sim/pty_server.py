@@ -15,14 +15,13 @@ from pathlib import Path
 from types import FrameType
 
 from rw_ekf.drivers.line.wire_map import WireMap
-from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.faults import Fault, FaultInjector
 from rw_ekf.drivers.sim.plant import advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import Advance, PlantRunner
 from rw_ekf.drivers.sim.pty_link import PtyLink
 from rw_ekf.drivers.sim.register_server import RegisterServer
-from rw_ekf.drivers.sim.wheel_line import WheelLine
+from rw_ekf.drivers.sim.wheel_line import BusElectronics, WheelLine
 from rw_ekf.errors import BadInputError
 
 IDLE_ADVANCE_S = 0.5  # without requests the plant is brought up to date this often, never with hours at once

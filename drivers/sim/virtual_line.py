@@ -14,9 +14,8 @@ from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.line_errors import open_error
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.serial_port import POLL_S, PortSettings
-from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.register_server import RegisterServer
-from rw_ekf.drivers.sim.wheel_line import WheelLine
+from rw_ekf.drivers.sim.wheel_line import BusElectronics, WheelLine
 
 IDLE_ADVANCE_S = 0.5
 

@@ -33,9 +33,9 @@ def serve_bus(
     speed, None: the wire map's. Raises DriverError where the link cannot be made.
     """
     from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
-    from rw_ekf.drivers.sim.bus_electronics import BusElectronics
     from rw_ekf.drivers.sim.faults import FaultInjector
     from rw_ekf.drivers.sim.pty_server import serve_electronics
+    from rw_ekf.drivers.sim.wheel_line import BusElectronics
 
     made = [
         protocol.simulated(plant, **own)

@@ -18,7 +18,6 @@ from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol, RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register
-from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.fault_text import parse_bus_faults, parse_faults
 from rw_ekf.drivers.sim.faults import FaultInjector
 from rw_ekf.drivers.sim.plant_batch import compiled_advance
@@ -27,6 +26,7 @@ from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
+from rw_ekf.drivers.sim.wheel_line import BusElectronics
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.bus import Bus, BusWheel
 from rw_ekf.live.oversight import ALONE, Oversight

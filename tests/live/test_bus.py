@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.drivers.sim.bus_electronics import BusElectronics
+from rw_ekf.drivers.sim.wheel_line import BusElectronics
 from rw_ekf.errors import ConfigError, DriverError
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.live.oversight import Oversight
