@@ -30,7 +30,6 @@ class GuessedColumns(Shown):
 
     log: str
     guess: Guess
-    layout: ColumnMap
     doubts: tuple[str, ...] = ()  # what its motion says against it
     warnings: tuple[str, ...] = ()
 
@@ -39,7 +38,7 @@ class GuessedColumns(Shown):
         """The map, to read the log with. Raises BadInputError while something is asked."""
         if not self.guess.is_certain:
             raise BadInputError(f"{self.log}: not certain: {'; '.join(item.text for item in self.guess.questions)}")
-        return map_of_guess(self.guess, self.log, self.layout)
+        return map_of_guess(self.guess, self.log)
 
     @property
     def is_certain(self) -> bool:
@@ -107,12 +106,12 @@ def guessed_columns(
     """Guess the map of a log. given: how it is laid out, in a map without columns. Raises LogError, ConfigError."""
     layout = map_of(given)
     table = read_table(Path(path), layout)
-    guess = guess_columns(table, dict(answers))
+    guess = guess_columns(table, dict(answers), layout)
     warnings = tuple(table.warnings)
     if not guess.is_certain:
-        return GuessedColumns(str(path), guess, layout, (), warnings)
+        return GuessedColumns(str(path), guess, (), warnings)
     try:
-        log = log_of_table(table, map_of_guess(guess, str(path), layout))
+        log = log_of_table(table, map_of_guess(guess, str(path)))
         motion = motion_of(log)
         doubts, asked = motion.misread or unexplained(motion), motion.asked
     except RwEkfError as error:
@@ -120,4 +119,4 @@ def guessed_columns(
     if guess.says_units:  # then a machine may be of any size
         guess.notes.extend(asked)
         asked = ()
-    return GuessedColumns(str(path), guess, layout, (*doubts, *asked), warnings)
+    return GuessedColumns(str(path), guess, (*doubts, *asked), warnings)

@@ -75,7 +75,7 @@ class Answers:
 
     def add_unasked(self, guess: Guess) -> None:
         """Give what was set for columns that nothing asked for."""
-        known = {line.name for line in guess.lines}
+        known = {line.name for line in guess.lines} | {question.name for question in guess.questions}
         for name, column in self.columns.items():
             taken = any(other == name or (name.startswith("speed_") and other.startswith("speed_")) for other in known)
             if not taken and column is not None and name != "speed_rpm":

@@ -15,6 +15,7 @@ _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth|\bunits?\b|(?<!\w)\w\.\w"
 _LIKE_A_UNIT = re.compile(
     r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff|p|pp|p-p|dc|ac)?"
 )  # of no known meaning
+_OBJECT = re.compile(r"(0x)?[0-9a-f]{4}h?([.:/](0x)?[0-9a-f]{1,2}h?)?", re.IGNORECASE)  # of a drive: 0x606C.00
 _A_WORD = 3  # letters: shorter is a unit, or an axis
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
 _INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
@@ -30,7 +31,7 @@ def unread(column: Column) -> str:
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity
         symbol = len(text) == 1 and role_of(said_by(text)) == column.role  # time(t), speed(n)
-        if symbol or SINCE_LAST.search(text):  # counts of an interval, which are understood
+        if symbol or SINCE_LAST.search(text) or (said is not None and _OBJECT.fullmatch(text)):  # counts, understood
             continue
         odd = short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text) or any(map(unit_of, text.split("/")))
         if another or (known is None and (odd or (said is None and _is_no_word(text, name)))):

@@ -26,13 +26,15 @@ from rw_ekf.logs.raw_table import RawTable
 
 _TWICE = 0.3  # of the rows have the time of the row before, where several wheels are told of at each
 _MOST_WHEELS = 16  # in one file
-_ELECTRICAL = ("electrical", "elec", "elek", "elect", "elektrisch", "el", "we", "ne", "omegae", "thetae", "phie")
-_SYMBOLS = frozenset(["omega", "w", "n", "theta", "phi", "q", "speed", "vel", "rpm"])
+_ELECTRICAL = ("elec", "elek", "elect", "el", "we", "ne", "omegae", "thetae", "phie")
+_ELECTRIC = ("electri", "elektri", "elettri")  # so begins the word in most languages
+_SYMBOLS = frozenset(["omega", "w", "n", "theta", "phi", "q", "speed", "vel", "velocity", "rate", "rpm"])
 _LETTERS = {
     "e": "electrical",
     "d": "a difference, desired, or of the d axis",
     "s": "of the stator's field",
     "c": "commanded",
+    **dict.fromkeys("xyz", "of an axis of what carries the wheel"),
 }
 _NOT_SUMMED = re.compile(
     r"delta|\bdiff|increments?\b|inkremente|per (row|sample)|\b(every|each)\b|\bsince (the )?(last|prev)", re.IGNORECASE
@@ -124,9 +126,12 @@ def _doubts(
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     if (size := size_of_count(column.unit)) is not None and not are_counts(column.values, size[0]):
         yield f"{column.shown}: its numbers are no counts of {column.unit!r}: what are they in?", (line,)
-    aside = sorted(said_by(column.bare_name or column.name).words & WORDS["aside"])
+    bare = column.bare_name or column.name
+    aside = sorted(said_by(bare).words & WORDS["aside"]) if unit_of(bare) is None else []  # the min of `U/min`
     if aside and not _TAKEN_OUT.search(column.name):
         yield f"{column.shown}: '{aside[0]}' may say that it is something else: is it the reading itself?", (line,)
+    if part := said_by(bare).odd_part:
+        yield f"{column.shown}: '{part}' may say that it is of something else: is it the wheel's?", (line,)
     if not unit_was_set and (beside := _unknown_unit(column, table)):
         yield f"{column.shown}: what does the unit beside it, {beside!r}, mean?", (line,)
     contradicting = _contradicting_unit(column, table)
@@ -161,8 +166,10 @@ def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterat
         letter
         for letter in _LETTERS
         if letter in said.words and (said.words & _SYMBOLS or said.words == {letter}) and not (per and letter == "e")
+        if letter not in "xyz" or not (said.has("machine") or unit == unit_of("rpm"))  # no gyro counts so
     ]
-    if not (per or unit_was_set) and (said.any_of(*_ELECTRICAL) or "e" in letters):
+    electrical = said.any_of(*_ELECTRICAL) or any(word.startswith(_ELECTRIC) for word in said.words)
+    if not (per or unit_was_set) and (electrical or "e" in letters):
         divided = Line("speed_rad_s", line.entry | {"unit": "erpm", "pole_pairs": 7}, "")
         text = f"{column.shown} may be electrical: has it been divided by the pole pairs, and by how many if not?"
         yield text, (line, divided)

@@ -37,9 +37,12 @@ _DRIVEN = (
 )  # fmt: skip
 _MEASURED_WITH = (
     "shunt", "mon", "monitor", "sensor", "acs", "adc", "accelerometer", "strain", "thermistor", "axial", "preload",
-    "normal", "weight", "soc", "humidity", "load", "thrust", "lift",
+    "normal", "weight", "soc", "humidity", "load", "thrust", "lift", "tacho", "tachometer", "hall",
 )  # fmt: skip
-_NO_TORQUE_OF_DRIVE = ("reaction", "disturbance", "friction", "drag", "brake", "load", "external", "reibung")
+_NO_TORQUE_OF_DRIVE = (
+    "reaction", "disturbance", "friction", "fric", "drag", "brake", "load", "external", "ext", "cogging", "reibung",
+    "carga", "resistant", "frottement", "carico",
+)  # fmt: skip
 _KIND_OF_AMPERE = re.compile(r"rms|eff|pk|peak", re.IGNORECASE)
 _HARDLY = 0.05  # of itself: a supply's voltage moves by so much under load
 _STEADY = 0.1  # of itself: so little scatters the voltage of a supply, and not that of a motor

@@ -17,6 +17,7 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_brackets import without_unit
 from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
+from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
 from rw_ekf.logs.column_speed import find_speed
 from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, no_clock, rate_in, ticks_a_second
@@ -25,6 +26,7 @@ from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
 from rw_ekf.logs.side_by_side import MAY_BE_A_PART
 
+_NOTHING_GIVEN = ColumnMap()
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
 )  # fmt: skip
@@ -49,10 +51,15 @@ def needs_guess(table: RawTable) -> bool:
     )
 
 
-def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Guess:
-    """Guess what the columns of a table are. answers: of `--set`: a column, or of NAME.unit a value."""
+def guess_columns(table: RawTable, answers: dict[str, str] | None = None, given: ColumnMap = _NOTHING_GIVEN) -> Guess:
+    """Guess what the columns of a table are.
+
+    answers: of `--set`: a column, or of NAME.unit a value; given: a map without columns, whose options stay.
+    """
     told = Answers(answers or {}, table)
-    guess = Guess()
+    if told.rate is None and given.rate_hz is not None:
+        told.rate = given.rate_hz, f"rate_hz: {given.rate_hz:g}"
+    guess = Guess(options=given.options())
     if told.only is not None:
         guess.options["only"] = {"column": told.only[0], "value": told.only[1]}
         table = table.of_only(*told.only)
@@ -108,6 +115,8 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
 
     if given is not None and given[1] is not None:
         clocks = clocks_among([columns[given[1]]])
+    elif told.rate is not None:  # whatever a column says
+        clocks = []
     else:
         clocks = clocks_among([c for c in columns if c.role == "time" and np.isfinite(c.values).all()])
         # What is called nothing that is known is a time where it holds dates.
@@ -139,7 +148,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
             return clock
         _take_clock(clock, columns[clock.number], told, guess)
         return clock
-    counter = _counter(table, columns)
+    counter = _counter(table, columns) if told.rate is None else None
     if counter is not None:
         clock, step_s, why = counter
         guess.take("time_s", told.with_more("time_s", columns[clock.number].entry(scale=step_s, wrap=clock.wrap)), why)

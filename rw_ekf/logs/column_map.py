@@ -24,6 +24,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 MatlabLayout = Literal["columns", "rows", "cells"]
@@ -94,10 +95,22 @@ class ColumnMap:
     only: tuple[str | int, str] | None = None  # a column, and which of its values
     wheel: str | None = None  # of several, by name or number, however the file tells them apart; in no map's file
 
+    def options(self) -> dict[str, object]:
+        """What it says beside the columns, as the file of a map has it; the path of a database from anywhere."""
+        said = {**vars(self), **vars(self.csv)}
+        usual = {**vars(ColumnMap()), **vars(CsvLayout())}
+        found = {key: said[key] for key in usual if said[key] != usual[key] and key not in _NO_OPTIONS}
+        if self.only is not None:
+            found["only"] = {"column": self.only[0], "value": self.only[1]}
+        return found | ({"dbc": str(Path(self.dbc).absolute())} if self.dbc is not None else {})
+
     def uses(self, number: int, name: str) -> bool:
         """Whether a source takes the numbers of the column with this number or name; a direction may be in words."""
         taken = [source.column for source in self.sources.values()]
         return any(column == number or (bool(name) and column == name) for column in taken if column is not None)
+
+
+_NO_OPTIONS = ("path", "sources", "csv", "wheel")
 
 
 def as_written(value: object) -> str:

@@ -19,7 +19,10 @@ _IN_BRACKETS = re.compile(r"[\s_.,:-]*[\[(<{](?P<unit>[^\[\](){}<>]*)[\])>}]\s*"
 _SPOKEN = re.compile(r"^(?P<name>.+?)(?:\s+in\s+|\s*/\s+|\s+/\s*|,\s*)(?P<unit>[^\s,]+)$")
 
 
-_ENDS = ("strom", "drehzahl", "temperatur", "spannung", "moment", "winkel", "geschwindigkeit", "istwert", "sollwert")
+_ENDS = (
+    "strom", "drehzahl", "temperatur", "spannung", "moment", "winkel", "geschwindigkeit", "istwert", "sollwert",
+    "begrenzung",
+)  # fmt: skip
 _OF_PROSE = frozenset(
     {"in", "input", "line", "source", "total", "main", "charge", "m", "max", "min", "limit"}
 )  # mean nothing
@@ -47,6 +50,9 @@ _PRESENT = re.compile(  # the one of now, and no ampere: current_speed, current_
 )
 _LEVELS = re.compile(r"'([^']*)'")
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
+_ELISION = re.compile(r"(?<![A-Za-z])[dl]['\u2019](?=[^\W\d_]{2})", re.IGNORECASE)  # courant d'entrée: no d axis
+_LONGEST_FIRST = sorted(SIGNS.items(), key=lambda pair: -len(pair[0]))
+_COMPOUND = re.compile(r"[\u3040-\u30ff\u4e00-\u9fff\uac00-\ud7af]+")  # of signs, which stand together as words do
 
 
 class Said(NamedTuple):
@@ -55,6 +61,9 @@ class Said(NamedTuple):
     words: frozenset[str]
     unit_text: str  # as it stands there; empty: none
     unit: Unit | None
+    odd_part: str = (
+        ""  # what a compound begins with and no list of words has: the Heiz of Heizstrom, the 励磁 of 励磁电流
+    )
 
     def in_unit(self, text: str) -> Said:
         """The same with the unit that a file has beside the name, where the name has none."""
@@ -114,7 +123,7 @@ def said_by(name: str) -> Said:
     words = _words(bare)
     if len(re.findall(r"[^\W\d_]{2,}", _CUT.sub(r"\1 \2", bare))) > _FEW:
         words = [word for word in words if len(word) > 1]  # among many words a letter is no symbol
-    return Said(frozenset(words), text, unit)
+    return Said(frozenset(words), text, unit, _odd_part(bare) if bare != text else "")
 
 
 def unit_in_prose(text: str) -> str:
@@ -134,6 +143,9 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
             rest = "" if match.re is _SPOKEN else name[match.end() :]
             before = match["name"] if match.re is _SPOKEN else name[: match.start()]
             return f"{before} {rest}".strip() or name, match["unit"], unit
+    whole = "_" not in name and (len(plain_spelling(name)) > 1 or name == "A")
+    if whole and (unit := unit_of(name)) is not None:  # rad s^-1, of which s^-1 is one too
+        return name, name, unit
     for cut in re.finditer(r"[\s_.\-]", name):  # the longest tail that is a unit: speed_rad_s, t ms
         tail = name[cut.end() :]
         for spelt in (tail.replace("_", "/"), tail, tail.replace("per", "/").replace("_", "")):
@@ -141,8 +153,6 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
             known = len(plain_spelling(spelt)) > 1 or spelt in {"s", "A", "V", "N"}
             if unit is not None and spelt != "arms" and (known or _is_degree(name[: cut.start()], spelt)):
                 return name[: cut.start()], spelt, unit
-    if (unit := unit_of(name)) is not None and (len(plain_spelling(name)) > 1 or name == "A"):
-        return name, name, unit
     symbol, _, tail = name.partition("/")  # as a table of physics has it: t/ms, I/mA
     opened = any(bracket in symbol for bracket in "[({<")  # of `I [V/A]`, which is none of A
     if tail and not opened and unit_of(name) is None and (unit := unit_of(tail)) is not None:
@@ -172,9 +182,7 @@ def _is_degree(name: str, letter: str) -> bool:
 
 def _words(text: str) -> list[str]:
     """The words of a name, in small letters without accents; camel case and digits are cut."""
-    text = re.sub(r"[А-Яа-яЁё]+", lambda match: match[0].lower(), text)
-    for signs, word in SIGNS.items():
-        text = text.replace(signs, word)
+    text = _in_letters(_ELISION.sub("", text))
     text = unicodedata.normalize("NFKD", text)
     text = "".join(sign for sign in text if not unicodedata.combining(sign))
     whole = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
@@ -184,12 +192,36 @@ def _words(text: str) -> list[str]:
     return [*parts, whole, *("".join(pair) for pair in itertools.pairwise(parts))]
 
 
+def _in_letters(text: str) -> str:
+    """A text with the signs of other scripts as the words that they stand for, as far as these are known."""
+    text = re.sub(r"[А-Яа-яЁё]+", lambda match: match[0].lower(), text)
+    for signs, word in _LONGEST_FIRST:
+        text = text.replace(signs, word)
+    return text
+
+
 def _uncompounded(word: str) -> list[str]:
     """A German compound with its parts behind it: netzteilstrom, netzteil, strom."""
     end = next((end for end in _ENDS if word.endswith(end) and len(word) > len(end) + 1), None)
     if end is None:
         return [word]
     return [word, *_uncompounded(word.removesuffix(end)), end]
+
+
+def _odd_part(name: str) -> str:
+    """The first part of a compound that is in no list, which says of what it is: a heater, a load, a friction."""
+    text = _in_letters(name)
+    parts = [match[0] for match in _COMPOUND.finditer(text)]
+    for word in re.findall(r"[a-z]+", _CUT.sub(r"\1 \2", text).lower()):
+        whole, *heads = _uncompounded(word)
+        if heads and not _is_listed(whole):
+            parts += [head for head in heads if head not in _ENDS and not _is_listed(head)]
+    return next(iter(parts), "")
+
+
+def _is_listed(word: str) -> bool:
+    """Whether a list has a word, or has it without what German joins it with: drehzahls, momenten."""
+    return any({word, word.removesuffix("s"), word.removesuffix("en")} & words for words in WORDS.values())
 
 
 def role_of(said: Said) -> Role:

@@ -12,13 +12,14 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_brackets import without_unit
 from rw_ekf.logs.column_counts import interval_of, is_since_last, per_turn, pole_pairs
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, chosen
-from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.column_units import OF_COLUMN, unit_of
 from rw_ekf.logs.odd_columns import COUNTERS, turn_of
 from rw_ekf.logs.raw_table import RawTable
 
 _TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at less than that and no more
 _TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
 _ANGLES = ("angle", "angolo", "angulo", "drehwinkel", "mechangle", "phi", "rotorangle", "theta", "winkel")
+_INERTIAL = ("gyro", "gyrox", "gyroy", "gyroz", "gx", "gy", "gz", "imu")  # which turn with what carries the wheel
 _FAR, _OFTEN = 0.4, 0.95  # of a turn between rows, which is no longer sure to be the shorter way; in how many rows
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
@@ -35,6 +36,8 @@ def find_speed(
         known = unit_of(told.unit("speed_rad_s", "speed_rpm"))
         if speeds[0].role == "angle" and (known is None or known.quantity in ("angle", "length")):
             angles, speeds = speeds, []
+    else:
+        speeds = [c for c in speeds if c.said.has("machine") or not c.said.any_of(*_INERTIAL)]
     candidates, what = (angles, "angle") if angles and not speeds else (speeds, "speed")
     asked = len(guess.questions)
     if what == "angle" and given is None and (spoilt := next((c for c in columns if _is_spoilt(c, table)), None)):
@@ -53,6 +56,8 @@ def find_speed(
     if column is None:
         if len(guess.questions) == asked:
             why = "" if still is None else f"{still.shown} never changes, and "
+            if not any(c.moves for c in columns):
+                why = "no column beside the time has numbers that change, as messages and events have none; "
             guess.ask("speed_rad_s", f"{why}no column is known to be the speed: --set speed=COLUMN.")
         return None
     told_unit, sign = told.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
@@ -76,6 +81,10 @@ def find_speed(
         )
         return column
     known, more = unit_of(unit), {}
+    if known is not None and known.quantity not in OF_COLUMN["speed_rad_s"]:
+        text = f"{column.shown} is in {unit}: how fast is one? --set speed.unit=rpm --set speed.scale=RPM_OF_ONE."
+        guess.ask("speed_rad_s", text)
+        return column
     if known is not None and known.per and known.per not in told.more.get("speed_rad_s", {}):
         per = (per_turn if known.per == "counts_per_turn" else pole_pairs)(table, column)
         if per is None:

@@ -44,10 +44,13 @@ _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNO
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _STEP_NUMBER = r"\d*\.?\d+(?:e[+-]?\d+)?"
 _STEPS = re.compile(  # one for each channel: a `dt` alone is whoever's, and may be in ms
-    rf"\W*(?:d_?t(?=\W+{_STEP_NUMBER}[\s,;]+\d)|h[_ ]?resolution)\W+({_STEP_NUMBER}(?:[\s,;]+{_STEP_NUMBER})*)\W*",
+    rf"\W*(?:d_?t(?=\W+{_STEP_NUMBER}[\s,;]+\d)|h[_ ]?resolution|increment)\W+"
+    rf"({_STEP_NUMBER}(?:[\s,;]+{_STEP_NUMBER})*)\W*",
     re.IGNORECASE,
 )
-_STEPS_IN_S = re.compile(r"\W*(?:h[_ ]?unit\W+s\b|start times?\b|t_?0\b)", re.IGNORECASE)  # as a recorder has them
+_STEPS_IN_S = re.compile(  # as a recorder has them
+    rf"\W*(?:h[_ ]?unit\W+s\b|start times?\b|t_?0\b|start\W+{_STEP_NUMBER}\W*$)", re.IGNORECASE
+)
 _OTHER_RATE = re.compile(
     r"every|loop|accelero|vibrat|imu\b|camera|excit|chirp|\badc\b|\bdac\b|oversampl|decimat|averag|anregung|"
     r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt",
@@ -232,7 +235,7 @@ def rate_in(texts: Sequence[str]) -> tuple[float, str] | None:
         if recorded and (step := _STEPS.fullmatch(text)) is not None:  # a step [s] for each channel
             found += [(1.0 / float(each), text.strip()) for each in re.split(r"[\s,;]+", step[1]) if float(each) > 0.0]
         match = re.search(
-            r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(k?hz|k?S/s|k?sps|samples/s|ms|us|s(?:ec\w*)?)\b",
+            r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?|interval\w*)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)[\s,;]*(k?hz|k?S/s|k?sps|samples/s|ms|us|s(?:ec\w*)?)\b",
             text,
             re.I,
         )

@@ -44,23 +44,23 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("time", 60.0), "min mins minute minutes minuten"),
     **_all(Unit("time", 3600.0), "h hr hrs hour hours std stunden"),
     **_all(Unit("time", 86400.0), "d day days tage"),
-    **_all(Unit("speed"), "rad/s рад/с rads rad.s rad/sec radps rads-1 rads/s rad/second radian/s radians/s "
+    **_all(Unit("speed"), "rad/s рад/с rads rad.s rad/sec radps rads-1 rad.s-1 rads/s rad/second radian/s radians/s "
         "radians/sec radians/second "
         "radianspersecond"),
     **_all(Unit("speed", 1e-3), "mrad/s"),
     **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 转/分 转/分钟 回転/分 1/min об/мин мин-1 /min min-1 u/min upm umin "
-        "umdr/min tr/min r/min rev/min "
-        "revs/min "
-        "obr/min dev/dk devir/dk d/dk omw/min toeren/min varv/min ot/min turn/min turns/min giri/min rot/min "
-        "revolutionsperminute rotations/min rotations/minute revolutions/min rev/minute"),
+        "umdr/min tr/min tr/mn trs/min r/min rev/min r.p.m rev./min vueltas/min voltas/min rotacoes/min rotações/min "
+        "revs/min 转每分 转/min kierr/min 1/perc fordulat/perc obr/min dev/dk devir/dk devir/dak d/dk d/dak omw/min "
+        "toeren/min varv/min ot/min turn/min turns/min giri/min rot/min revolutionsperminute rotations/min "
+        "rotations/minute revolutions/min rev/minute"),
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
     **_all(Unit("speed", 1e-3 * RAD_S_PER_RPM), "mrpm"),
     **_all(Unit("speed", _DEGREE), "deg/s °/s °/sec deg/sec degs-1 dps degree/s degrees/s degrees/sec degps "
         "degrees/second grad/s gradsec degreespersecond"),
-    **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s tr/s r/s 1/s s-1 "
-        "cyclespersecond rotations/s rotations/sec rotations/second rev/second"),
+    **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s u/sec tr/s tr/sec r/s "
+        "r/sec 1/s s-1 cyclespersecond rotations/s rotations/sec rotations/second rev/second"),
     **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps "
         "counts/sec count/sec cnt/s cnt/sec cnts/s pulses/sec ticks/sec inc/sec ticks/s tick/s pulses/s inc/s steps/s"),
     **_all(Unit("angle"), "rad radian radians bogenmass"),

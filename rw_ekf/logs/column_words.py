@@ -11,11 +11,12 @@ WORDS: dict[str, frozenset[str]] = {
             goal impostata impostato iset istenen komut mandada mandado nset objetivo ordenada order ordered
             planned profil profile program programme ref reference req request requested set setcurrent
             setpoint setspeed soll solldrehzahl sollstrom sollwert sp sv target traj trajectory vorgabe
+            icmd iqcmd iqref iqsoll iref isoll ncmd nref nsoll wref
             wanted zadana zadane zadany """,
         "time": """
             abszisse aika cas clock czas date datetime datum elapsed fecha heure hora ido micros millis saat
             sec seconds stamp t tempo temps tid tiempo tijd time timestamp timesec timeseconds timestamps ts uhrzeit
-            tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
+            horodatage horodate marcatemps tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
             istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus obratky obrotowa obroty omega omegas omg
@@ -30,15 +31,16 @@ WORDS: dict[str, frozenset[str]] = {
             current current_raw currents i i_q ia iadc idc iin im imot imotor intensidad intensite iq isense
             iststrom motorcurrent motorstrom phasecurrent prad pradu proud stroem strom stroom virta """,
         "supply": """
-            alim alimentacao alimentacion alimentation alimentazione bat batt battery besleme bus charge dc
-            eps fuente ibus idc iin in input line mains netz netzteil psu quiescent source supply total
-            versorgung voeding zasilania zasilanie """,
+            akku alim alimentacao alimentacion alimentation alimentazione bat bateria batt batteria batterie battery
+            besleme bus charge dc eingang eingangs entrada entrata entree eps fuente ibus idc iin in input line
+            mains netz netzteil psu quiescent source supply total versorgung voeding zasilania zasilanie
+            zwischenkreis """,
         "phase": """
             fase faz faza ia ib ic iu iv iw leiterstrom phase phasen phases strang """,
         "armature": """
             anker armature indotto induit inducido """,
         "torque_axis": """
-            iq q i_q """,
+            iq q i_q wirk """,
         "torque": """
             couple drehmoment effort koppel kraftmoment moment par tau torque tq trq """,
         "force": """
@@ -79,27 +81,28 @@ WORDS: dict[str, frozenset[str]] = {
         "aside": """
             abweichung acc accel acceleration accumulated alpha band bias ceiling change cum cumulative currentdot
             currentrate cutoff delta deviation diff difference differenz fft gradient grenzwert idot initial int integ
-            integral integrated lim limit max min ndot next noise nom nominal norm normalised normalized normiert
+            integral integrated lim limit limite max min ndot next noise nom nominal norm normalised normalized normiert
             offset old omegadot omegarate prev previous rated ratio ripple rpmdot rpmrate sigma slope speeddot
             speedrate sq squared stall start std sum threshold tolerance variance veldot velocitydot velocityrate
-            velrate wdot zero """,
+            velrate wdot zero
+            anteil begrenzung deslizamiento feedforward ff glissement schlupf scorrimento slip vorsteuerung """,
         "controller": """
             angle attitude controller err error fehler heading integ integral integrator omega phi pid pitch pos
             position psi rate regler roll rpm spd speed term theta vel velo velocity yaw """,
         "countdown": """
             countdown left remaining rest restant restante restzeit togo verbleibend """,
         "raw": """
-            act actual fb feedback gemeten ist istwert meas measured medida medido mesure misurata misurato
-            olculen raw real zmierzona zmierzony """,
+            act actual dreh fb feedback gemeten ist istwert meas measured medida mess momentan roh medido mesure
+            misurata misurato olculen raw real zmierzona zmierzony """,
         "machine": """
-            flywheel kolo m mot moteur motor motoru rad rotor roue rw schwungrad shaft silnik silnika
-            vliegwiel volan volano volante welle wheel """,
+            achs antriebs flywheel kolo laeufer m mot moteur motor motoru rad rotor roue rw schwungrad shaft silnik
+            silnika vliegwiel volan volano volante welle wellen wheel """,
         "other_load": """
             aux brake charger coil cpu excitation fan field fuse gyro heater heizung host imu laser leak leakage led
-            logic magnet mcu model obc panel pcb predicted pump radio sim simulated solar standby """,
+            logic magnet magnetorquer mcu model mtq obc panel pcb predicted pump radio sim simulated solar standby """,
         "other_machine": """
             abtrieb abtriebsdrehzahl arm base body dyno fan gear gearbox getriebe gimbal gyro imu load model pend
-            pendulum pitch plate platform predicted pump roll satellite sim simulated spacecraft spindle turntable
+            pendulum pitch plate platform predicted pump roll sat satellite sim simulated spacecraft spindle turntable
             yaw """,
         "linear": """
             distance gyro gyrox gyroy gyroz imu meters air car gnss gps ground linear vehicle wind """,
@@ -122,6 +125,17 @@ SIGNS = {
     "темп": " temperature ", "угол": " angle ", "мах": " wheel ", "モータ": " motor ", "電源": " supply ",
     "回転": " speed ", "ホイール": " wheel ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ",
     "I2t": " i integral ", "i2t": " i integral ", "I²t": " i integral ",
+    "フィードバック": " actual ", "フライ": " ", "输出": " output ", "出力": " output ", "驱动": " drive ",
+    "駆動": " drive ", "구동": " drive ", "平均": " average ", "电枢": " armature ", "電機子": " armature ",
+    "速": " speed ", "축": " shaft ", "主": " ", "实测": " actual ", "测量": " actual ", "反馈": " actual ",
+    "当前": " actual ", "实时": " actual ", "測定": " actual ", "検出": " actual ", "現在": " actual ",
+    "実": " actual ", "측정": " actual ", "실제": " actual ", "현재": " actual ", "入力": " input ", "输入": " input ",
+    "輸入": " input ", "总": " total ", "總": " total ", "电池": " battery ", "電池": " battery ",
+    "バッテリ": " battery ", "负载": " load ", "負載": " load ", "負荷": " load ", "摩擦": " friction ",
+    "电角": " electrical ", "電気": " electrical ", "励磁": " excitation ", "トルク": " torque ", "電動機": " motor ",
+    "轴": " shaft ", "軸": " shaft ", "ロータ": " rotor ", "转子": " rotor ", "リアクション": " ", "反作用": " ",
+    "动量": " ", "轮": " wheel ", "회전": " speed ", "値": " ", "值": " ", "数": " ", "數": " ", "수": " ", "角": " ",
+    "毎分": " ", "ー": " ", "の": " ",
     "τ": " tau ", "相": " phase ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
 

@@ -17,7 +17,11 @@ from rw_ekf.logs.raw_table import RawTable, number_or_none
 _MAX_SHOWN = 40  # characters of a bad cell in a message
 
 
-class NoNumberError(LogError):
+class OddRowError(LogError):
+    """A row is none of the table that its header and its columns of numbers promise."""
+
+
+class NoNumberError(OddRowError):
     """A cell of a column of numbers holds something else."""
 
 
@@ -104,7 +108,7 @@ def _append(file: CsvFile, name: str, columns: list[list[Any]], lines: list[int]
         longer = "; a decimal comma, or another delimiter?" if len(cells) > len(file.names) else ""
         hint = ", as the rows before it: mend or remove that line" if lines and len(file.names) > 1 else longer
         known = "the header has" if file.has_header else "the first row has"
-        raise LogError(f"{name}: line {line}: {len(cells)} fields where {known} {len(file.names)}{hint}")
+        raise OddRowError(f"{name}: line {line}: {len(cells)} fields where {known} {len(file.names)}{hint}")
     for index, cell in enumerate(cells):
         value = number_or_none(cell) if file.numeric[index] else cell
         if value is None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import CsvLayout
-from rw_ekf.logs.csv_slow import CsvFile, NoNumberError, place_finder, read_slowly
+from rw_ekf.logs.csv_slow import CsvFile, NoNumberError, OddRowError, place_finder, read_slowly
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
@@ -61,9 +61,11 @@ def read_csv_table(
     if found is None:
         try:
             read = _read_plain(text, layout, must_be_numeric, name_shown)
-        except NoNumberError:  # it may stand for a gap, behind what was looked at
+        except OddRowError as error:
             found = None if _is_own(head, layout) else _layout_of(text, layout)
-            if found is None:
+            if found is None and layout == CsvLayout() and not _is_own(head, layout):
+                raise LogError(_no_table(head, name_shown)) from None
+            if found is None or not isinstance(error, NoNumberError):  # which may stand for a gap, further behind
                 raise
         else:
             found = _layout_of(text, layout) if _begins_with_numbers(read) or _holds_infinity(read) else None
@@ -101,6 +103,17 @@ def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[i
     if _is_own(head, layout) or (_is_plain(head, layout, must_be_numeric) and not _names_again(text, layout)):
         return None
     return _layout_of(text, layout)
+
+
+def _no_table(head: bytes, name_shown: str) -> str:
+    """A message on a text that no mark cuts into columns of numbers: what stands in it, and what to do."""
+    lines = lines_of(head.decode("utf-8", "replace"), _LOOKED_AT_ROWS)
+    at, first = next((at, line.strip()) for at, line in enumerate(lines, 1) if line.strip())
+    return (
+        f"{name_shown}: none of its first lines is a row of numbers (line {at}: {first[:_SHOWN]!r}): messages, and no "
+        "table. A log has a row for each sample, with its time, speed and current; where a table begins further down, "
+        "`skip_rows` in a map says so (--columns)"
+    )
 
 
 def _layout_of(text: LogText, layout: CsvLayout) -> TextLayout | None:

@@ -19,6 +19,7 @@ from rw_ekf.logs.text_cells import (
     MOSTLY,
     STAMP,
     TextLayout,
+    is_number,
     is_stamp,
     split_cells,
     without_trailing,
@@ -29,7 +30,10 @@ _HEADER_LINES = 6  # above a table of fixed columns that may be names of several
 _ROW_KEYS = {
     "units": re.compile(r"((vertical|[yv]) ?)?(units?|einheit(en)?|unités?|unidad(es)?)|y_unit_label", re.IGNORECASE),
     "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
-    "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
+    "remarks": re.compile(
+        r"(?:symbol|signal|channel)?[ _]?(?:desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?)",
+        re.IGNORECASE,
+    ),
 }
 _UNITS = re.compile(r"[\W_]*(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\s*[:=]\s*", re.IGNORECASE)  # of all columns
 _SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scope
@@ -44,7 +48,7 @@ _SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no
 def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     before = _with_their_labels(["" if _RULE.fullmatch(line) else line for line in before], layout)
-    before = [*before[:skip_rows], *_comments_first(before[skip_rows:], layout)]
+    before = [*before[:skip_rows], *_comments_first(_without_settings(before[skip_rows:], layout), layout)]
     channels, used = channels_above(before[skip_rows:], layout.width)
     before = ["" if at - skip_rows in used else line for at, line in enumerate(before)]
     described = _described(before[skip_rows:], layout)
@@ -101,6 +105,22 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     if units:
         names = tuple(map(with_unit, names, units))
     return replace(layout, names=names, preamble=preamble, remarks=remarks, doubts=doubts)
+
+
+def _without_settings(before: list[str], layout: TextLayout) -> list[str]:
+    """Lines above the rows, numbers that stand below names behind the columns as lines of their own: `Start: -0.5`.
+
+    Oscilloscopes have `X,CH1,CH2,Start,Increment` and `Sequence,Volt,Volt,-0.5,0.001` above rows of three cells.
+    """
+    if len(before) < 2:
+        return before
+    names, values = map(layout.filled, before[-2:])
+    behind = list(zip(names[layout.width :], values[layout.width :], strict=False))
+    apart = len(names) == len(values) and not any(is_number(name, layout.decimal) for name in names)
+    if not behind or not apart or not all(is_number(value, layout.decimal) for _, value in behind):
+        return before
+    settings = [f"{name}: {value}" for name, value in behind]
+    return [*before[:-2], *settings, *(layout.delimiter.join(row[: layout.width]) for row in (names, values))]
 
 
 def _comments_first(before: list[str], layout: TextLayout) -> list[str]:

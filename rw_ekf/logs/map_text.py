@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from rw_ekf.checking.yaml_loader import parse_yaml
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_guess import guess_columns
@@ -62,14 +60,11 @@ class UncertainColumnsError(LogError):
     known = ""
 
 
-def map_of_guess(guess: Guess, log: str, given: ColumnMap) -> ColumnMap:
-    """The map that the text of a guess is read as; how the file is laid out stays as it was given."""
+def map_of_guess(guess: Guess, log: str) -> ColumnMap:
+    """The map that the text of a guess is read as."""
     from rw_ekf.logs.column_map_file import column_map_from
 
-    found = column_map_from(parse_yaml(map_text(guess, log) + "{}\n" * (not guess.mapping()), f"columns of {log}"))
-    return replace(found, csv=given.csv, decimate=given.decimate, reverse=given.reverse or found.reverse,
-                   current_before=given.current_before or found.current_before, variable=given.variable,
-                   layout=given.layout, dbc=given.dbc)  # fmt: skip
+    return column_map_from(parse_yaml(map_text(guess, log) + "{}\n" * (not guess.mapping()), f"columns of {log}"))
 
 
 def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
@@ -77,7 +72,7 @@ def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
 
     Raises UncertainColumnsError, with the questions, where the file leaves something open.
     """
-    guess = guess_columns(table)
+    guess = guess_columns(table, None, given)
     if not guess.is_certain:
         error = UncertainColumnsError("; ".join(question.text for question in guess.questions))
         error.known = said_in_a_line(guess) if {line.name for line in guess.lines} - {*table.names} else ""
@@ -86,4 +81,4 @@ def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
         f"{table.path}: read as {said_in_a_line(guess)}; `rw-ekf columns` writes that down, with reasons"
     )
     table.warnings += [f"{table.path}: {text}" for text in guess.warnings]
-    return map_of_guess(guess, table.path, given)
+    return map_of_guess(guess, table.path)

@@ -27,7 +27,7 @@ _COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 STAMP = re.compile(
     r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
-    r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}(:?\d{2})?| ?UTC)?"
+    r"(\d{1,3}:\d{2}(:\d{2}([.,:;]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}(:?\d{2})?| ?UTC)?"
 )
 _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
