@@ -17,6 +17,7 @@ _CHANNEL = r"(?:ch|chan|channel|kanal|col|column|spalte|signal|trace|var|variabl
 _ENTRY = r"(?P<key>[^\W\d][\w ]*?)\s*[=:]\s*(?P<value>.*?)\W*"
 _NUMBERED = re.compile(rf"\W*{_CHANNEL}[\s._-]*\[?(?P<number>\d+)\]?[\s._:-]+{_ENTRY}", re.IGNORECASE)
 _NAMED = re.compile(rf"\W*{_CHANNEL}[\s._-]*\[?(?P<number>\d+)\]?\s*[=:]\s*(?P<value>[^\W\d][^=:]*)", re.IGNORECASE)
+_NUMBER = re.compile(rf"{_CHANNEL}[\s._-]*(?P<number>\d+)", re.IGNORECASE)
 _SECTION = re.compile(
     rf"\W*\[\s*{_CHANNEL}[\s._-]*(?P<number>\d+)\s*\]\W*|\W*OBJECT\s*=\s*(?:COLUMN|FIELD)\W*", re.IGNORECASE
 )  # the second of the labels of the Planetary Data System
@@ -67,3 +68,13 @@ def channels_above(lines: Sequence[str], width: int) -> tuple[list[Channel], fro
     channels = [Channel(*(said.get(kind, "") for kind in _KINDS)) for _, said in sorted(found.items())]
     whole = len(channels) == width and all(channel.name for channel in channels)
     return (channels, frozenset(used)) if whole else ([], frozenset())
+
+
+def called_by_number(names: Sequence[str], lines: Sequence[str]) -> tuple[str, ...]:
+    """Names of which some are only a channel's number, `Kanal 1`, by what lines above say of it."""
+    found = {int(match["number"]): match["value"] for line in lines if (match := _NAMED.fullmatch(line)) is not None}
+    numbers = [_NUMBER.fullmatch(name) for name in names]
+    return tuple(
+        name if match is None else found.get(int(match["number"]), name)
+        for name, match in zip(names, numbers, strict=True)
+    )

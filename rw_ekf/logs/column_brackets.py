@@ -15,10 +15,12 @@ _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth|\bunits?\b|(?<!\w)\w\.\w"
 _LIKE_A_UNIT = re.compile(
     r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff|p|pp|p-p|dc|ac)?"
 )  # of no known meaning
-_OBJECT = re.compile(r"(0x)?[0-9a-f]{4}h?([.:/](0x)?[0-9a-f]{1,2}h?)?", re.IGNORECASE)  # of a drive: 0x606C.00
+_OBJECT = re.compile(  # of a drive, by its number: 0x606C.00, 01.07, 16-17
+    r"(0x)?[0-9a-f]{4}h?([.:/](0x)?[0-9a-f]{1,2}h?)?|\d{2}[.:-]\d{2,3}", re.IGNORECASE
+)
 _A_WORD = 3  # letters: shorter is a unit, or an axis
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
-_INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
+_INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several
 
 
 def unread(column: Column) -> str:
@@ -27,7 +29,7 @@ def unread(column: Column) -> str:
     The last unit in brackets is the column's: one before it that measures something else is asked about.
     """
     said, name = column.said.unit, column.bare_name or column.name
-    for text in BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
+    for text in BRACKETED.findall(_INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity
         symbol = len(text) == 1 and role_of(said_by(text)) == column.role  # time(t), speed(n)

@@ -46,10 +46,10 @@ _TURNING = (
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
 _FACTOR = re.compile(
-    r"_(?:x|div|by)_?\d+(?!\w)|(?<=[A-Za-z])10+$|_(?:per|in|of)_?10+k?(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)"
+    r"_(?:x|div|by)_?\d+(?!\w)|(?<=[A-Za-z])_?10+$|(?<=[A-Za-z])(?:\^2|²)(?![\w/])|_(?:per|in|of)_?10+k?(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)"
     r"(?![\d.,]|\s*(?:[a-z]?Hz|[mun]?s\b)|[a-z])|"
     # as a word: rpm_1k, rpm in thousands, k_rpm, n_Tsd
-    r"(?<![^\W_])(?:1k|1e[+-]?\d|e[+-]\d|kilo|thousands?|tausend\w*|tsd|hundreds?|tens|tenths?|hundredths?|thousandths?|"
+    r"(?<![^\W_])(?:1k|q(?:8|1[0-6]|24|3[01])|1e[+-]?\d|e[+-]\d|kilo|thousands?|tausend\w*|tsd|hundreds?|tens|tenths?|hundredths?|thousandths?|"
     r"deci|centi|milli|k(?=[ _]rpm)|(?<=rpm[ _])k)(?![^\W_])",
     re.IGNORECASE,
 )
@@ -240,7 +240,8 @@ def _contradicting_unit(column: Column, table: RawTable) -> str:
     if known is not None and spelt.unit not in (None, known) and spelt.unit.quantity == known.quantity:
         return remarked
     another = spelt.unit is not None and spelt.unit.quantity == "speed"
-    words = (word for word in ("rpm", "erpm", "krpm") if spelt.any_of(word) and spelt.unit != unit_of(word))
+    others = (word for word in ("rpm", "erpm", "krpm") if word not in spelt.unit_text.lower())  # the rpm of eRPM
+    words = (word for word in others if spelt.any_of(word) and spelt.unit != unit_of(word))
     return next(words, "") if another else ""
 
 

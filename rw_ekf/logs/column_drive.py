@@ -205,7 +205,8 @@ def _feeds(column: Column, columns: list[Column]) -> bool:
 
 def _in_amperes(column: Column) -> bool:
     """Whether numbers without a unit are amperes by their size."""
-    return not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]
+    converted = not column.said.any_of("raw", "adc")
+    return converted and not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]
 
 
 def _in_its_unit(column: Column) -> Line | None:

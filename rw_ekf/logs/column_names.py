@@ -48,6 +48,7 @@ _PRESENT = re.compile(  # the one of now, and no ampere: current_speed, current_
     r"(?<![A-Za-z])current[_ ]?(?=(?:time|speed|vel|pos|angle|rpm|temp|torque|state|volt|date)[a-z]*(?![a-z]))",
     re.IGNORECASE,
 )
+_LAST_INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]$")  # current_A[0], of one among several
 _LEVELS = re.compile(r"'([^']*)'")
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 _ELISION = re.compile(r"(?<![A-Za-z])[dl]['\u2019](?=[^\W\d_]{2})", re.IGNORECASE)  # courant d'entrée: no d axis
@@ -111,7 +112,7 @@ def spoken(name: str) -> str:
 def said_by(name: str) -> Said:
     """Take a name apart."""
     name = spoken(name)
-    name = _PRESENT.sub("", name)
+    name = _PRESENT.sub("", _LAST_INDEX.sub("", name))
     name = _TIMES.sub("", _SECOND.sub("ddot ", _DERIVATIVE.sub("derivative (", _EVERY.sub("", name))))
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt

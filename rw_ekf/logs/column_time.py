@@ -42,6 +42,15 @@ _TICK = re.compile(
 )
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
+_OF_ROWS = r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?|interval\w*|采样\w*|サンプリング\w*)"
+_VALUE = r"(?P<value>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
+_ROW_RATE = re.compile(
+    rf"{_OF_ROWS}\D{{0,25}}?{_VALUE}[\s,;]*(?P<unit>k?hz|k?S/s|k?sps|samples/s|ms|us|s(?:ec\w*)?)\b", re.IGNORECASE
+)
+_ROW_STEP = re.compile(  # its unit before the number: `Sampling time [ms];50`
+    rf"{_OF_ROWS}[^\d\[(]{{0,20}}[\[(]\s*(?P<unit>k?hz|ms|us|s|sec)\s*[\])]\W{{1,4}}{_VALUE}(?!\S*[\d:/])",
+    re.IGNORECASE,
+)
 _STEP_NUMBER = r"\d*\.?\d+(?:e[+-]?\d+)?"
 _STEPS = re.compile(  # one for each channel: a `dt` alone is whoever's, and may be in ms
     rf"\W*(?:d_?t(?=\W+{_STEP_NUMBER}[\s,;]+\d)|h[_ ]?resolution|increment)\W+"
@@ -234,14 +243,10 @@ def rate_in(texts: Sequence[str]) -> tuple[float, str] | None:
             continue
         if recorded and (step := _STEPS.fullmatch(text)) is not None:  # a step [s] for each channel
             found += [(1.0 / float(each), text.strip()) for each in re.split(r"[\s,;]+", step[1]) if float(each) > 0.0]
-        match = re.search(
-            r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?|interval\w*)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)[\s,;]*(k?hz|k?S/s|k?sps|samples/s|ms|us|s(?:ec\w*)?)\b",
-            text,
-            re.I,
-        )
+        match = _ROW_RATE.search(text) or _ROW_STEP.search(text)
         if match is None:
             continue
-        value, unit = float(match[1].replace(",", ".")), match[2].lower()
+        value, unit = float(match["value"].replace(",", ".")), match["unit"].lower()
         if value <= 0.0:
             continue
         if unit.endswith(("hz", "s/s", "sps")):

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 
-from rw_ekf.logs.channel_blocks import channels_above
+from rw_ekf.logs.channel_blocks import called_by_number, channels_above
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
@@ -86,6 +86,7 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
         names, units = tuple(channel.name for channel in channels), tuple(channel.unit for channel in channels)
         layout = replace(layout, factors=tuple(Factor(channel.factor, channel.offset) for channel in channels))
         taken = len(above)
+    names = called_by_number(names, before)
     if described and not units:
         units = described.get("units", ())
     remarks = described.get("remarks", prose)
@@ -185,6 +186,10 @@ def _without_remarks(above: list[tuple[int, str]], layout: TextLayout) -> tuple[
     A row that says of more columns what they are than the one above the units is no remark but the names.
     """
     rows = [layout.cells(_COMMENT.sub("", line)) for _, line in above[-_MOST_REMARKS - 2 :]]
+    *_, names, last = [[], [], *rows]
+    both = all(len(row) == layout.width > 1 for row in (names, last)) and not are_units(last)
+    if both and all(names) and not _roles(last) and _roles(names) > 1:  # devices, of which no cell names a column
+        return above[:-1], tuple(last)
     for below in range(1, len(rows) - 1):
         names, units, *remarks = rows[-below - 2 :]
         whole = all(len(row) == layout.width > 1 for row in (names, units, *remarks))

@@ -19,8 +19,11 @@ from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none, taken
 
 _MOST_KINDS = 60  # signals of one file
+_LEAST_NAMES = 2  # between the numbers of a row
 _LEAST_ROWS = 10  # of a signal, on average
-_VALUE = frozenset(["value", "val", "values", "wert", "valeur", "valor", "measurement", "reading", "data"])
+_VALUE = frozenset(
+    ["value", "val", "values", "wert", "valeur", "valor", "measurement", "reading", "data", "eng", "engineering"]
+)
 
 
 def has_speed(names: Iterable[str]) -> bool:
@@ -88,6 +91,22 @@ def widened(table: RawTable) -> RawTable | None:
         held = {kind: table.cells(column) for kind, column in scaling.items()}
         wide.factors = {name: _factor_at(rows[[other == name for other in names]], held) for name in {*names}}
     return wide
+
+
+def named_between(table: RawTable) -> RawTable | None:
+    """A table without names whose columns each stand behind a word that never changes, which is its name.
+
+    `VEL_CMD,-15.6,M1_ENC,1637`, in each row. None for any other table.
+    """
+    count = len(table.names)
+    words = [number for number in range(count) if not any(table.names) and table.is_text(number)]
+    held = {number: table.distinct(number, 1) for number in words}
+    said = {number + 1: found[0].strip(" :=") for number, found in held.items() if found}
+    if len(said) < max(len(words), _LEAST_NAMES) or set(words) & said.keys() or count in said:
+        return None
+    kept = [number for number in range(count) if number not in words]
+    names = tuple(said.get(number, "") for number in kept)
+    return table.at_rows(np.arange(table.rows), names, [table.columns[number] for number in kept])
 
 
 def _factor_at(rows: Int64Array, held: Mapping[str, list[Any]]) -> Factor:

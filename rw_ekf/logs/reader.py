@@ -16,7 +16,7 @@ from rw_ekf.logs.assembly import Assembly
 from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.formats import format_of
-from rw_ekf.logs.interleaved import widened
+from rw_ekf.logs.interleaved import named_between, widened
 from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
 from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
@@ -207,5 +207,5 @@ def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     table = format_of(path, name).read(path, name, columns)
     if not needs_guess(table):
         return table
-    table = without_empty_rows(table)
+    table = without_empty_rows(named_between(table) or table)
     return with_whole_time(widened(table) or beside_each_other(table) or in_turn(table) or table)

@@ -136,3 +136,55 @@ def test_a_map_keeps_what_was_said_of_the_file(tmp_path: Path, run: rw_ekf.Log) 
     log = read_with(tmp_path / "a.csv", found.text())
     assert log.time_s == pytest.approx(run.time_s)
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "102 <IMOT> (VDC)", "I <A> (V)", "current (raw)", "I_mot (ADC)", "I_q15",
+        "i_100",
+    ],
+)  # fmt: skip
+def test_numbers_that_are_no_amperes_yet_are_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """A sensor's volts; counts by their name or unit, with decimals, which no count has."""
+    assert _asked(tmp_path, run, "n [rpm]", name) == ["current"]
+
+
+@pytest.mark.parametrize("name", ["101 <RPM> (VDC)", "rpm²", "erpm_100"])
+def test_nor_a_speed_in_volts_or_hundreds(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """The last bracket is the unit."""
+    assert _asked(tmp_path, run, name, "I [A]")[0] == "speed"
+
+
+@pytest.mark.parametrize(
+    ("head", "mark"),
+    [
+        ("Zeit [s];Drehzahl [1/min];Motorstrom [A]\nMX840 SN:1;MX840;MX840", ";"),  # devices below the names: catman
+        ("Drive\nTime (s);Motor speed used(01.01) [rpm];Motor current(01.07) [A]", ";"),  # numbers of parameters
+        ("Kanal 1: C00051 Drehzahlistwert [1/min]\nKanal 2: C00054 Motorstrom [A]\nZeit [s];Kanal 1;Kanal 2", ";"),
+        ("time_s,status.rpm[0],status.current_A[0]", ","),  # the first of several
+    ],
+)
+def test_names_of_recorders_are_heard(tmp_path: Path, run: rw_ekf.Log, head: str, mark: str) -> None:
+    """Whatever stands below, above or behind them."""
+    guess(tmp_path / "a.txt", csv(run, head, lambda i, t, w, c: mark.join(map(repr, (t, w * RPM, c)))))
+    log = rw_ekf.read(tmp_path / "a.txt")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+def test_a_word_before_each_number_is_its_name(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`t,0.1,n_rpm,58.5,I_A,0.2` in every row; one word alone is a mark of the row."""
+    guess(tmp_path / "a.csv", csv(run, "", lambda i, t, w, c: f"t,{t!r}, n_rpm,{w * RPM!r}, I_A,{c!r}"))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.time_s == pytest.approx(run.time_s)
+    assert log.current_A == pytest.approx(run.current_A)
+    marked = guess(tmp_path / "b.csv", csv(run, "", lambda i, t, w, c: f"DATA,{t!r},{w * RPM!r},{c!r}"))
+    assert "its columns have no names" in marked.text()
+
+
+@pytest.mark.parametrize("said", ["采样周期(us),100000", "Sampling time [ms];100", "Log interval: 100 ms"])
+def test_the_rate_of_rows_has_its_unit_before_or_behind_it(tmp_path: Path, run: rw_ekf.Log, said: str) -> None:
+    """In brackets, or behind a comma."""
+    found = guess(tmp_path / "a.csv", csv(run, f"{said}\nn_rpm,I_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+    assert found.guess.options == {"rate_hz": pytest.approx(10.0)}
