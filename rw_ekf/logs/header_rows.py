@@ -186,9 +186,9 @@ def _without_remarks(above: list[tuple[int, str]], layout: TextLayout) -> tuple[
     A row that says of more columns what they are than the one above the units is no remark but the names.
     """
     rows = [layout.cells(_COMMENT.sub("", line)) for _, line in above[-_MOST_REMARKS - 2 :]]
-    *_, names, last = [[], [], *rows]
-    both = all(len(row) == layout.width > 1 for row in (names, last)) and not are_units(last)
-    if both and all(names) and not _roles(last) and _roles(names) > 1:  # devices, of which no cell names a column
+    header, last = rows[-2:] if len(rows) > 1 else ([], [])
+    both = all(len(row) == layout.width > 1 for row in (header, last)) and not are_units(last)
+    if both and all(header) and not _roles(last) and _roles(header) > 1:  # devices, of which no cell names a column
         return above[:-1], tuple(last)
     for below in range(1, len(rows) - 1):
         names, units, *remarks = rows[-below - 2 :]
