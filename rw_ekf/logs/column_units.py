@@ -36,17 +36,17 @@ def _all(unit: Unit, spellings: str) -> dict[str, Unit]:
 
 
 _SPELLINGS: dict[str, Unit] = {
-    **_all(Unit("time"), "s с 秒 сек sec secs second seconds sekunde sekunden sek seconde secondes segundos secondi"),
-    **_all(Unit("time", 1e-3), "ms мс 毫秒 msec msecs millis millisec millisecs millisecond milliseconds "
-        "millisekunden"),
-    **_all(Unit("time", 1e-6), "us usec usecs micros microsec microsecond microseconds mus"),
+    **_all(Unit("time"), "s с 秒 сек sn saniye 초 sec secs second seconds sekunde sekunden sek seconde secondes "
+        "segundos secondi"),
+    **_all(Unit("time", 1e-3), "ms мс 毫秒 ミリ秒 밀리초 millisecondi milisegundos msn msec msecs millis millisec "
+        "millisecs millisecond milliseconds millisekunden"),
+    **_all(Unit("time", 1e-6), "us usec 微秒 マイクロ秒 мкс usecs micros microsec microsecond microseconds mus"),
     **_all(Unit("time", 1e-9), "ns nsec nanos nanosec nanosecond nanoseconds"),
-    **_all(Unit("time", 60.0), "min mins minute minutes minuten"),
+    **_all(Unit("time", 60.0), "min mins minute minutes minuten 分 分钟 мин minutos minuti"),
     **_all(Unit("time", 3600.0), "h hr hrs hour hours std stunden"),
     **_all(Unit("time", 86400.0), "d day days tage"),
-    **_all(Unit("speed"), "rad/s рад/с rads rad.s rad/sec radps rads-1 rad.s-1 rads/s rad/second radian/s radians/s "
-        "radians/sec radians/second "
-        "radianspersecond"),
+    **_all(Unit("speed"), "rad/s рад/с rad/秒 弧度/秒 ラジアン/秒 rads rad.s rad/sec radps rads-1 rad.s-1 rads/s "
+        "rad/second radian/s radians/s radians/sec radians/second radianspersecond"),
     **_all(Unit("speed", 1e-3), "mrad/s"),
     **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 转/分 转/分钟 回転/分 1/min об/мин мин-1 /min min-1 u/min upm umin "
         "umdr/min tr/min tr/mn trs/min r/min rev/min r.p.m rev./min vueltas/min voltas/min rotacoes/min rotações/min "
@@ -57,10 +57,10 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
     **_all(Unit("speed", 1e-3 * RAD_S_PER_RPM), "mrpm"),
-    **_all(Unit("speed", _DEGREE), "deg/s °/s °/sec deg/sec degs-1 dps degree/s degrees/s degrees/sec degps "
-        "degrees/second grad/s gradsec degreespersecond"),
-    **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s u/sec tr/s tr/sec r/s "
-        "r/sec 1/s s-1 cyclespersecond rotations/s rotations/sec rotations/second rev/second"),
+    **_all(Unit("speed", _DEGREE), "deg/s °/s °/秒 deg/秒 度/秒 °/sec deg/sec degs-1 dps degree/s degrees/s "
+        "degrees/sec degps degrees/second grad/s gradsec degreespersecond"),
+    **_all(Unit("speed", _TURN), "hz rps 转/秒 回転/秒 об/с rev/s rev/sec revs/s turn/s turns/s turns/sec u/s u/sec "
+        "tr/s tr/sec r/s r/sec 1/s s-1 cyclespersecond rotations/s rotations/sec rotations/second rev/second"),
     **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps "
         "counts/sec count/sec cnt/s cnt/sec cnts/s pulses/sec ticks/sec inc/sec ticks/s tick/s pulses/s inc/s steps/s"),
     **_all(Unit("angle"), "rad radian radians bogenmass"),

@@ -58,8 +58,10 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
         for i, line in enumerate(before)
         if i >= skip_rows and _COMMENT.sub("", line).strip() and not (keyed and _keyed(layout.filled(line)))
     ]
+    above, devices = _without_devices(above, layout)
     levels = _by_level([line for _, line in above], layout)
     above, prose = (above, ()) if levels else _without_remarks(above, layout)
+    prose = prose or devices
     units: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     taken = len(above)
@@ -180,16 +182,30 @@ def _by_position(
     return (names, tuple(units)) if len(names) > 1 and all(names) else None
 
 
+def _without_devices(above: list[tuple[int, str]], layout: TextLayout) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
+    """Lines without those between names and units, or the rows, that say nothing of a column; and what these say.
+
+    Devices, registers and types of numbers: of no cell of theirs is known what it is, of names it is.
+    """
+    rows = [layout.cells(_COMMENT.sub("", line) if is_comment(line, layout) else line) for _, line in above]
+    end = len(rows) - (bool(rows) and are_units(rows[-1]))
+    begin = end
+    while begin and len(rows[begin - 1]) == layout.width > 1 and not _roles(rows[begin - 1]):
+        begin -= 1
+    whole = 0 < begin < end and len(rows[begin - 1]) == layout.width and _roles(rows[begin - 1]) > 1
+    if not whole or any(map(are_units, rows[begin:end])):
+        return above, ()
+    return [*above[:begin], *above[end:]], tuple(
+        "; ".join(filter(None, column)) for column in zip(*rows[begin:end], strict=True)
+    )
+
+
 def _without_remarks(above: list[tuple[int, str]], layout: TextLayout) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
     """Lines up to the units where remarks stand below these, as Origin has them, and the remarks by column.
 
     A row that says of more columns what they are than the one above the units is no remark but the names.
     """
     rows = [layout.cells(_COMMENT.sub("", line)) for _, line in above[-_MOST_REMARKS - 2 :]]
-    header, last = rows[-2:] if len(rows) > 1 else ([], [])
-    both = all(len(row) == layout.width > 1 for row in (header, last)) and not are_units(last)
-    if both and all(header) and not _roles(last) and _roles(header) > 1:  # devices, of which no cell names a column
-        return above[:-1], tuple(last)
     for below in range(1, len(rows) - 1):
         names, units, *remarks = rows[-below - 2 :]
         whole = all(len(row) == layout.width > 1 for row in (names, units, *remarks))

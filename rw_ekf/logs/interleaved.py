@@ -67,6 +67,8 @@ def widened(table: RawTable) -> RawTable | None:
     """
     texts = [number for number in range(len(table.names)) if table.is_text(number)]
     values = [number for number, name in enumerate(table.names) if said_by(name).words & _VALUE]
+    if not any(table.names):
+        values = [number for number in range(len(table.names)) if table.is_plain_number(number)]
     values = [number for number in values if number not in texts] or values
     if len(values) != 1:
         return None
@@ -100,11 +102,11 @@ def named_between(table: RawTable) -> RawTable | None:
     """
     count = len(table.names)
     words = [number for number in range(count) if not any(table.names) and table.is_text(number)]
-    held = {number: table.distinct(number, 1) for number in words}
-    said = {number + 1: found[0].strip(" :=") for number, found in held.items() if found}
-    if len(said) < max(len(words), _LEAST_NAMES) or set(words) & said.keys() or count in said:
+    held = {number: found[0] for number in words if (found := table.distinct(number, 1))}
+    said = {number + 1: word.strip(" :=") for number, word in held.items()}
+    if len(said) < _LEAST_NAMES or held.keys() & said.keys() or count in said:
         return None
-    kept = [number for number in range(count) if number not in words]
+    kept = [number for number in range(count) if number not in held]
     names = tuple(said.get(number, "") for number in kept)
     return table.at_rows(np.arange(table.rows), names, [table.columns[number] for number in kept])
 

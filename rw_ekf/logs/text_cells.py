@@ -94,8 +94,8 @@ class TextLayout:
         if self.begins_with_value and cells and cells[0] and not self.is_value(cells[0]):
             return False  # a setting: `Horizontal Scale,20`; `Date;12.03.2022`
         filled = [cell for cell in cells if cell]
-        values = sum(map(self.is_value, filled))
-        return values > 0 and values >= MOSTLY * len(filled) and not all(map(_NO_VALUE.fullmatch, filled))
+        values = [cell for cell in filled if self.is_value(cell)]
+        return len(values) >= MOSTLY * len(filled) and not all(map(_NO_VALUE.fullmatch, values))  # `-;rpm;A;-`
 
     def is_value(self, cell: str) -> bool:
         """Whether a cell is a number or a stamp."""

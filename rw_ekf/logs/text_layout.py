@@ -15,7 +15,7 @@ from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.header_rows import is_comment, with_names
 from rw_ekf.logs.text_cells import BLANKS, MARKS, TextLayout, has_units, is_number, is_stamp
-from rw_ekf.logs.text_forms import MARK, labelled_form, stamped_form
+from rw_ekf.logs.text_forms import MARK, NO_FORM, labelled_form, stamped_form
 
 _DELIMITERS = (*MARKS, BLANKS)
 _OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "koi8-r", "cp866", "big5", "euc-kr", "cp1250")
@@ -99,8 +99,9 @@ def layout_of(
         for comma in (decimal,) if decimal else (".", ","):
             if mark == comma == "," and '"' not in head[:4000].decode(known, "replace"):
                 continue
+            own = NO_FORM if mark == "|" else form  # which stands behind a terminal's time too
             begins, layout, score, count = _rows(
-                lines, TextLayout(known, mark, comma, form=form, united=united), skip_rows
+                lines, TextLayout(known, mark, comma, form=own, united=united), skip_rows
             )
             if layout.width:
                 found.append((score, replace(layout, first_line=begins + 1), begins, count))
@@ -115,7 +116,7 @@ def layout_of(
     best = max(score for score, *_ in found)
     _, layout, begins, _ = next(item for item in found if item[0] == best)
     layout = _with_its_mark(layout, lines[begins:_LOOKED_AT])
-    lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped else lines
+    lines = [form.row(line, layout.delimiter) for line in lines] if layout.form.stamped else lines
     data = lines[begins:_LOOKED_AT]
     layout = replace(
         layout, thousands=_has_thousands(data, layout), doubts=_points_of_thousands(lines[begins:], layout)
@@ -137,7 +138,8 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, Te
         firsts.append(cells[0] if cells else "")
         begun.append(bool(cells) and (not cells[0] or layout.is_value(cells[0])))
         is_data = layout.is_data(cells)
-        a_row = begun[-1] and not is_data and any(is_number(cell, layout.decimal) for cell in cells)
+        has_number = any(is_number(cell, layout.decimal) and re.search(r"\d", cell) for cell in cells)  # `-` is a gap
+        a_row = begun[-1] and not is_data and has_number
         wordy.append(len(cells) if a_row and cells[0] else 0)
         widths.append(len(cells) if is_data else 0)
         if not is_data:

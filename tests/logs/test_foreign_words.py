@@ -188,3 +188,33 @@ def test_the_rate_of_rows_has_its_unit_before_or_behind_it(tmp_path: Path, run: 
     """In brackets, or behind a comma."""
     found = guess(tmp_path / "a.csv", csv(run, f"{said}\nn_rpm,I_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
     assert found.guess.options == {"rate_hz": pytest.approx(10.0)}
+
+
+def test_a_log_of_points_needs_no_names(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`stamp|path|value|type`, as CODESYS keeps data, and `stamp;path;value;path;value`, as a panel does."""
+
+    def stamp(t: float) -> str:
+        return f"2026-03-04T10:10:{10 + t:06.3f}"
+
+    points = csv(run, "", lambda i, t, w, c: f"{stamp(t)}|P.n_rpm|{w * RPM!r}|REAL\n{stamp(t)}|P.i_A|{c!r}|REAL")
+    panel = csv(run, "", lambda i, t, w, c: f"{stamp(t)};plc.n_rpm;{w * RPM!r};plc.i_A;{c!r};")
+    for text in (points, panel):
+        guess(tmp_path / "a.csv", text)
+        log = rw_ekf.read(tmp_path / "a.csv")
+        assert log.time_s - log.time_s[0] == pytest.approx(run.time_s, abs=1e-3)
+        assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Bench;7;;\nTIMESTAMP;WHEEL SPEED;MOTOR CURRENT;GAIN\n-;rpm;A;-",  # a dash is no number of a row
+        "Date;1;2;3\n;nWheel;iMotor;k\n;COM1;COM1;COM1\n;DT100;DT101;DT102\n;INT;INT;INT\ns;rpm;A;-",
+        "時間(秒);电机转速(转/分);电机电流(A);k",
+    ],
+)
+def test_names_and_units_stand_apart(tmp_path: Path, run: rw_ekf.Log, head: str) -> None:
+    """Registers and types of numbers between them say nothing of a column."""
+    clock = "0:00:{:06.3f}" if "STAMP" in head else "{!r}"
+    guess(tmp_path / "a.csv", csv(run, head, lambda i, t, w, c: f"{clock.format(t)};{w * RPM!r};{c!r};1"))
+    assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s == pytest.approx(run.speed_rad_s)
