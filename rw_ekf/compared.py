@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from rw_ekf.course.conditions import with_conditions
 from rw_ekf.errors import BadInputError
-from rw_ekf.filter import decisions, second_look
+from rw_ekf.filter import decisions
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.second_look import log_density
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
 from rw_ekf.shown import Shown
@@ -112,5 +111,4 @@ def log_likelihood(model: WheelModel, log: WheelLog) -> float:
     )  # fmt: skip
     if not (run.outcome == decisions.UPDATED).any():
         raise BadInputError(f"{log.name}: the filter uses none of its readings: it can judge no model")
-    judged = int(np.isfinite(run.innovation_rad_s).sum())
-    return second_look.log_likelihood(run, setup.constants.gate) - 0.5 * judged * math.log(2.0 * math.pi)
+    return log_density(run, setup.constants.gate)

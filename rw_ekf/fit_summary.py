@@ -18,7 +18,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.filter import decisions
 from rw_ekf.filter.consistency import autocorrelation, ljung_box_p
 from rw_ekf.filter.frozen import frozen, without_drift
-from rw_ekf.filter.log_filter import filter_log, log_likelihood_of
+from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.second_look import log_density
 from rw_ekf.identify.free_run_loss import FreeRunLoss
 from rw_ekf.identify.orthogonal import linearised
 from rw_ekf.model.state import PARAMETER_COUNT
@@ -185,7 +186,7 @@ def residual_of(course: Course, setup: FilterSetup, belief: Belief, noises: Nois
     standardised = run.innovation_rad_s[passed] / np.sqrt(run.innovation_variance[passed])
     return Residual(
         course.time_s, course.speed_rad_s, _free_run(loss, values), run.innovation_rad_s, standardised,
-        log_likelihood_of(run),
+        log_density(run, constants.gate),
     )  # fmt: skip
 
 

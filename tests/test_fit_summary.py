@@ -78,3 +78,18 @@ def test_what_a_motion_does_not_tell_is_named_with_the_motion_that_would() -> No
     assert "quadratic_drag.coefficient_1_rad" in again.numbers
     assert again.correlation.shape == (5, 5)
     assert again.fitted == 7
+
+
+def test_a_reading_that_is_refused_costs_as_much_as_one_at_the_gate() -> None:
+    """Left out, a model that refuses more readings would be the likelier one."""
+    log = rw_ekf.simulate("identification", seed=3, duration_s=300.0)
+    columns = {"time_s": log.time_s, "current_command_A": log.table["current_command_A"].to_numpy()}
+    wild = log.speed_rad_s.copy()
+    wild[[800, 1500, 2200]] += 40.0
+    clean, off = (
+        rw_ekf.fit(rw_ekf.read({**columns, "speed_rad_s": speed}), noise=True).summary()
+        for speed in (log.speed_rad_s, wild)
+    )
+    lost = clean.residual.log_likelihood - off.residual.log_likelihood
+    at_the_gate = 0.5 * (chi2.isf(1e-4, 1) - 1.0)
+    assert lost == pytest.approx(3.0 * at_the_gate, rel=0.3)

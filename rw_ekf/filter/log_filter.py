@@ -7,7 +7,6 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
-from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects, nothing_past
@@ -83,10 +82,3 @@ def filter_log(
     """
     begun = LogFilter(constants, mean, covariance, effects, drift, mends=mends)
     return begun.over(course, keep_states=keep_states, keep_history=keep_history)
-
-
-def log_likelihood_of(run: FilterRun) -> float:
-    """Of the readings that were used, each given those before it (the prediction error decomposition)."""
-    used = run.outcome == decisions.UPDATED
-    variance = run.innovation_variance[used]
-    return float(-0.5 * np.sum(np.log(2.0 * np.pi * variance) + run.innovation_rad_s[used] ** 2 / variance))

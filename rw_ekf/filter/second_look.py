@@ -37,6 +37,11 @@ def log_likelihood(run: FilterRun, gate: float) -> float:
     return -0.5 * float(np.sum(np.minimum(run.nis[judged], gate) + np.log(variance)))
 
 
+def log_density(run: FilterRun, gate: float) -> float:
+    """The same with its constant: of the readings, each given those before it (the prediction error decomposition)."""
+    return log_likelihood(run, gate) - 0.5 * int(np.isfinite(run.innovation_rad_s).sum()) * math.log(2.0 * math.pi)
+
+
 @dataclass(frozen=True, eq=False)
 class Start:
     """Where a second pass begins, and what of that is to be taken away from where it ends."""
