@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.effects.change import Change
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.numbers import plus_minus
+from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
     from rw_ekf.model.effect import Matrix
 
 
 _KNOTS = 128  # within a hundredth of its length it has come, and gone
+_KNOCK_S = 1.0
+_INTERVALS = 1.5  # of the record: what lasts no longer is an impulse
 VALUES = (0.0, *(1.0,) * (_KNOTS - 2), 0.0)
 
 
@@ -24,6 +27,12 @@ class Spell(Change):
     source = "changed segment of a sequence: Olshen, Venkatraman, Lucito & Wigler 2004"
     excitation = "varied motion before, within and after it"
     local_in_time = True
+
+    @classmethod
+    def torque(cls, term: Term, facts: RecordFacts) -> float:
+        """Its mean over a second at the least [rad/s^2]: a knock is as strong as it is short."""
+        assert term.law is not None
+        return super().torque(term, facts) * min((term.law.last - term.law.first) / _KNOCK_S, 1.0)
 
     @classmethod
     def lasts_of(cls, term: Term) -> tuple[float, float]:
@@ -44,5 +53,24 @@ class Spell(Change):
     def sentence_of(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:
         """From 280 +- 1 to 320 +- 1 s the motor gain is 5.0 +- 0.1 % lower."""
         assert term.law is not None
+        if not cls.has_a_kind(term, facts):
+            return cls._impulse(term, covariance)
         begins, ends = map(plus_minus, (term.law.first, term.law.last), term.law.spread or (0.0, 0.0))
         return f"From {begins} to {ends} s, and neither before nor after, {cls.changes(term, covariance, facts)}"
+
+    @classmethod
+    def has_a_kind(cls, term: Term, facts: RecordFacts) -> bool:
+        """Not of an impulse."""
+        return term.law is None or term.law.last - term.law.first > _INTERVALS * facts.period_s
+
+    @classmethod
+    def _impulse(cls, term: Term, covariance: Matrix) -> str:
+        """At 129.9 +- 0.1 s the speed falls by 1.5 +- 0.2 rpm: what did it is not known."""
+        assert term.law is not None
+        law, (size, std) = term.law, cls.amplitude(term.values, covariance)
+        lasts_s = law.last - law.first
+        by = plus_minus(rpm_from_rad_s(abs(size) * lasts_s), rpm_from_rad_s(std * lasts_s))
+        when = plus_minus(0.5 * (law.first + law.last), law.spread[0] if law.spread else 0.0)
+        slower, faster = ("slows down", "is driven on") if law.acts_as == "drag" else ("falls", "rises")
+        does = slower if size > 0.0 else faster  # a law is an addition to friction
+        return f"At {when} s the speed {does} by {by} rpm at once (a knock, or a command that came late or not at all)"

@@ -157,3 +157,8 @@ class LawEffect(Effect):
     """A law without a formula: every term has its own `law`, and enters as a static effect does."""
 
     repeats = True
+
+    @classmethod
+    def has_a_kind(cls, term: Term, facts: RecordFacts) -> bool:
+        """Whether a record can tell what it acts on: of what is over at once none can."""
+        return True

@@ -55,7 +55,7 @@ def checks(
         if not CATALOGUE[name].local_in_time:  # an event is in one part only
             yield _agreed(prepared, fit, name)
     for name in effects:
-        if issubclass(CATALOGUE[name], LawEffect):
+        if issubclass(CATALOGUE[name], LawEffect) and not CATALOGUE[name].local_in_time:  # that foretells its time only
             yield _predicts(prepared, fit, name)
     for name in reversed(effects):  # the last to enter first
         trial = selection.trials.get(name)

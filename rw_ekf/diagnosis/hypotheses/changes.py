@@ -122,6 +122,8 @@ def settled_change(less: Fit, fit: Fit, found: Term) -> tuple[Fit, Term]:
     With what it is: a spell that the record shows no end of, or no begin, is a change.
     """
     law = _law_of(fit, found)
+    if law.spread:  # of an impulse, whose time is known already
+        return fit, found
     if found.effect is SPELL:
         begun, begins_std = _at_likeliest_time(less, fit, found, law, _BEGIN)
         ended, ends_std = _at_likeliest_time(less, begun, found, _law_of(begun, found), _END)

@@ -70,6 +70,17 @@ class Nameless:
         return self.ground.quantity == "time"
 
     @property
+    def is_impulse(self) -> bool:
+        """Whether it is over at once, and its time known already."""
+        return self.passes and self.term.law is not None and self.term.law.spread != ()
+
+    @property
+    def times_s(self) -> tuple[float, float]:
+        """From when to when, of a law of the time."""
+        assert self.term.law is not None
+        return self.term.law.first, self.term.law.last
+
+    @property
     def weight(self) -> float:
         """Log of how much likelier it is than no law, what it is beforehand included."""
         return self.log_factor + LAW_LOG_ODDS - (INDISTINGUISHABLE if self.passes else 0.0)

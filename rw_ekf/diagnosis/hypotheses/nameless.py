@@ -17,10 +17,11 @@ from rw_ekf.diagnosis.hypotheses.changes import likeliest_change, likeliest_spel
 from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same
 from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds
 from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
+from rw_ekf.diagnosis.hypotheses.impulse import likeliest_impulse
 from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE
-from rw_ekf.effects.catalogue import LEARNED
+from rw_ekf.effects.catalogue import LEARNED, SPELL
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats
 from rw_ekf.model.effect import RecordFacts, Term
@@ -65,7 +66,7 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
         law = _angle_law(profiled, ground) if ground.turned is not None else _smooth_law(profiled, ground)
         if law is not None and law.term.law is not None and law.term.law.number not in taken:
             found.append(law)
-    return sorted(_of_either_direction(found), key=lambda item: -item.weight)
+    return sorted(_briefest(profiled, asked, _of_either_direction(found)), key=lambda item: -item.weight)
 
 
 def _of_either_direction(found: list[Nameless]) -> list[Nameless]:
@@ -79,6 +80,21 @@ def _of_either_direction(found: list[Nameless]) -> list[Nameless]:
     differs = gains["speed"].weight > gains["speed_size"].weight + CHOSEN_LOG + INDISTINGUISHABLE
     left_out = gains["speed_size" if differs else "speed"]
     return [item for item in found if item is not left_out]
+
+
+def _briefest(profiled: Profiled, asked: Sequence[Ground], found: list[Nameless]) -> list[Nameless]:
+    """The same with an impulse in the place of spells about it that are not clearly likelier: other words for it."""
+    spell = max((item for item in found if item.term.effect is SPELL), key=lambda item: item.weight, default=None)
+    impulse = None if spell is None else likeliest_impulse(profiled, asked, *spell.times_s)
+    if impulse is None:
+        return found
+    begins_s, ends_s = impulse.times_s
+
+    def is_it(item: Nameless) -> bool:
+        return item.term.effect is SPELL and item.times_s[0] < ends_s and item.times_s[1] > begins_s
+
+    least = impulse.weight + INDISTINGUISHABLE
+    return [impulse, *(item for item in found if not is_it(item) or item.weight > least)]
 
 
 def _smooth_law(profiled: Profiled, ground: Ground) -> Nameless | None:

@@ -10,6 +10,7 @@ from rw_ekf.diagnosis.hypotheses.changes import settled_change
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
 from rw_ekf.diagnosis.hypotheses.grounds import Nameless
+from rw_ekf.diagnosis.hypotheses.impulse import at_once, impulses_together
 from rw_ekf.diagnosis.hypotheses.other_starts import (
     by_likeliest_law,
     in_deepest_valleys,
@@ -19,7 +20,7 @@ from rw_ekf.diagnosis.hypotheses.other_starts import (
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row, made_up_curves
-from rw_ekf.diagnosis.standing import Reason
+from rw_ekf.diagnosis.standing import Reason, explained_by
 from rw_ekf.diagnosis.thresholds import (
     ALIAS_SHARE,
     BEAM,
@@ -89,11 +90,14 @@ def grown_with_laws(search: Search, ledger: Ledger, selection: Selection, laws: 
         if row is None:
             break
         done.add(row.key)
-        count = sum(term.law is not None for term in row.fit.model.terms)
-        if count < MOST_LAWS:
+        terms = row.fit.model.terms
+        lasting = [t for t in terms if issubclass(t.effect, LawEffect) and t.effect.has_a_kind(t, ledger.facts)]
+        if len(lasting) < MOST_LAWS:
             search.advance("fitting laws without a formula")
             ledger, selection = _with_laws(search, row, ledger, selection, laws)
-        if count:
+            if any(law.is_impulse for law in laws(row.fit)[:1]) and (more := impulses_together(row.fit, ledger.facts)):
+                ledger = ledger.with_rows([more])
+        if any(term.law is not None for term in terms):
             ledger, selection = _grown_from(search, row, ledger, selection)
     return _in_place_of_laws(search, ledger, selection, laws, done)
 
@@ -209,6 +213,13 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
                 continue
         if effect.local_in_time:
             fit = with_other_laws(fit, name, search.facts)
+            event_less = search.without(fit, name)
+            impulse = at_once(event_less, fit, name, search.facts)
+            if impulse is not None:
+                selection = selection.decided(name, explained_by(SPELL.id))
+                selection = selection.tried(Trial.of_law(impulse.model.of(SPELL.id)[-1], event_less, impulse))
+                ledger = ledger.with_rows([impulse])
+                continue
         less = [search.without(fit, other) for other in selection.new_in(fit) if other != name]
         ledger = ledger.with_rows([fit, *less])
     return ledger, selection

@@ -24,13 +24,14 @@ from rw_ekf.model.law import OF_SPEED
 _MOST_TOLD = 8  # rows that a document has, whatever became of them
 _ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
 
-Key = frozenset[tuple[str, float]]
+Key = frozenset[tuple[str, float, int]]
 
 
 def key_of(fit: Fit) -> Key:
-    """What is in a model: ids, each order or frequency of a periodic effect for itself."""
-    terms = fit.model.terms
-    return frozenset((term.id, _number_of(term)) for term in terms)
+    """What is in a model: ids, each order or frequency of a periodic effect for itself; of laws how many of each."""
+    counts = Counter((term.id, _number_of(term)) for term in fit.model.terms)
+    laws = {term.id for term in fit.model.terms if term.law is not None}
+    return frozenset((*one, count if one[0] in laws else 1) for one, count in counts.items())
 
 
 def _number_of(term: Term) -> float:
@@ -71,7 +72,7 @@ class Row:
     @property
     def term_counts(self) -> Counter[str]:
         """How many terms of each effect there are in it, the base model's among them."""
-        return Counter(name for name, _ in self.key)
+        return Counter(name for name, _, count in self.key for _ in range(count))
 
     @property
     def weight(self) -> float:

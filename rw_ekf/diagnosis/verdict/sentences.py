@@ -112,7 +112,8 @@ def or_another_kind(found: Found, name: str) -> str:
     Where the motion is the same all the while, what changed looks the same whatever it was.
     """
     terms = found.fit.model.of(name)
-    if not issubclass(CATALOGUE[name], LawEffect) or len(terms) != 1:
+    effect = CATALOGUE[name]
+    if not issubclass(effect, LawEffect) or len(terms) != 1 or not effect.has_a_kind(terms[0], found.prepared.facts):
         return ""
     own = found.ledger.row(found.fit)
     weights = {_kind(own.fit, name): own.weight}
