@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _KNOTS = 128  # within a hundredth of its length it has come, and gone
 _KNOCK_S = 1.0
-_INTERVALS = 1.5  # of the record: what lasts no longer is an impulse
+_INTERVALS, _SIGMAS = 1.5, 2.0  # of the record, and of its times: what lasts no longer is an impulse
 VALUES = (0.0, *(1.0,) * (_KNOTS - 2), 0.0)
 
 
@@ -60,8 +60,11 @@ class Spell(Change):
 
     @classmethod
     def has_a_kind(cls, term: Term, facts: RecordFacts) -> bool:
-        """Not of an impulse."""
-        return term.law is None or term.law.last - term.law.first > _INTERVALS * facts.period_s
+        """Not where it lasts no longer than a sample, or than its own times are known to."""
+        law = term.law
+        if law is None:
+            return True
+        return law.last - law.first > max(_INTERVALS * facts.period_s, _SIGMAS * max(law.spread, default=0.0))
 
     @classmethod
     def _impulse(cls, term: Term, covariance: Matrix) -> str:
@@ -71,6 +74,10 @@ class Spell(Change):
         lasts_s = law.last - law.first
         by = plus_minus(rpm_from_rad_s(abs(size) * lasts_s), rpm_from_rad_s(std * lasts_s))
         when = plus_minus(0.5 * (law.first + law.last), law.spread[0] if law.spread else 0.0)
-        slower, faster = ("slows down", "is driven on") if law.acts_as == "drag" else ("falls", "rises")
+        slower, faster = (
+            ("the wheel is slowed", "the wheel is sped up")
+            if law.acts_as == "drag"
+            else ("the speed falls", "the speed rises")
+        )
         does = slower if size > 0.0 else faster  # a law is an addition to friction
-        return f"At {when} s the speed {does} by {by} rpm at once (a knock, or a command that came late or not at all)"
+        return f"At {when} s {does} by {by} rpm at once (a knock, or a command that came late or not at all)"
