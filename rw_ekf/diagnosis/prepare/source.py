@@ -151,7 +151,9 @@ def _unfit(log: WheelLog, course: Course) -> str | None:
             f"the log has {speed.size} speed reading{'' if speed.size == 1 else 's'} over {log.duration_s:.3g} s; "
             f"{LEAST_READINGS} readings over {LEAST_SECONDS:g} s are the least that can be judged"
         )
-    low, high = np.quantile(speed, (0.01, 0.99))
+    # Beyond what a few wrong readings are: of a day at rest with minutes of motion a hundredth is all rest.
+    share = min(0.01, LEAST_READINGS / speed.size)
+    low, high = np.quantile(speed, (share, 1.0 - share))
     top = max(abs(low), abs(high))
     noise = noise_beside_motion(course) or 0.0
     if high - low <= LEAST_MOVE * top or high - low <= 8.0 * noise:

@@ -16,6 +16,7 @@ _SHORT_RECORD_S = 160.0
 _REVERSALS_A_BLOCK = 2.0
 _LEAST_BLOCKS = 4
 _SPREAD_OVER = 8  # blocks at least, where there are so many: of a long block its beginning
+_MOSTLY_AT_REST = 0.5  # of a record: the time between reversals is then that of what turns
 _MOST_SAMPLES = 25_000  # of each part: what a diagnosis can look at within its budget
 
 
@@ -73,17 +74,21 @@ def split_record(
 
     Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of several logs
     (log_of: (n,), which one a sample is of) that are shorter than a block every other one is held out, whole. Of a
-    record beyond 50,000 samples only so many blocks are looked at, in pairs evenly spread; `looked_at` tells which.
+    record beyond 50,000 samples only so many blocks are looked at, in pairs evenly spread over those in which the wheel
+    turns; `looked_at` tells which.
     """
     elapsed = running_time(time_s, segment)
     duration = float(elapsed[-1]) if elapsed.size else 0.0
+    rests = ~(np.abs(speed_rad_s) > 5.0 * noise_rad_s)
     if kind == "halves":
         count = 2
     elif duration < _SHORT_RECORD_S:
         count = _LEAST_BLOCKS
     else:
-        turns = reversals(speed_rad_s, noise_rad_s)
-        length = max(_LEAST_BLOCK_S, _REVERSALS_A_BLOCK * duration / turns if turns else 0.0)
+        turns, turning_s = reversals(speed_rad_s, noise_rad_s), duration
+        if rests.mean() > _MOSTLY_AT_REST:
+            turning_s *= 1.0 - float(rests.mean())
+        length = max(_LEAST_BLOCK_S, _REVERSALS_A_BLOCK * turning_s / turns if turns else 0.0)
         count = max(_LEAST_BLOCKS, int(duration / length))
     block = _blocks(elapsed, duration, count)
     if kind == "blocks" and _are_short(log_of, duration):
@@ -106,7 +111,9 @@ def split_record(
             heldout &= np.cumsum(heldout) <= _MOST_SAMPLES
         else:
             keep = max(round(_MOST_SAMPLES / elapsed.size * count), min(count // 2, _SPREAD_OVER))
-            chosen = np.unique(np.linspace(0, count - 2, keep).astype(int) // 2 * 2)
+            pairs = np.unique(block[~rests] // 2 * 2)  # a wheel that rests for hours says nothing of its friction
+            pairs = pairs[pairs <= count - 2] if pairs.size else np.arange(0, count - 1, 2)
+            chosen = pairs[np.unique(np.linspace(0, pairs.size - 1, min(keep, pairs.size)).astype(int))]
             place = np.arange(block.size) - np.searchsorted(block, block)  # within its block
             short = place < _MOST_SAMPLES // chosen.size
             fit, heldout = np.isin(block, chosen) & short, np.isin(block, chosen + 1) & short
