@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -106,3 +107,23 @@ def test_what_takes_its_time_is_no_knock(seed: int) -> None:
     begins, ends = parameters["begins_at"], parameters["ends_at"]
     assert abs(begins["value"] - 300.0) < 4.0 * begins["std"] + 0.5
     assert abs(ends["value"] - 308.0) < 4.0 * ends["std"] + 0.5
+
+
+@pytest.mark.slow
+def test_knocks_of_one_record_are_none_of_the_next(tmp_path: Path) -> None:
+    """The model holds them; the wheel's next record, which has none, is adequate by it, and they are left out."""
+    current_A = currents(0)
+    taken = current_A.copy()
+    taken[[300, 1100, 1500, 4300, 4700, 5500]] = 0.0
+    model = diagnosed(current_A, wheel(taken, {}), 0).model
+    assert model is not None
+    model.save(tmp_path / "wheel.model.yaml")
+    read = rw_ekf.Model.load(tmp_path / "wheel.model.yaml")
+    assert [term.id for term in read.effects.terms] == 6 * ["spell"]
+    further = currents(7)
+    noise = RPM * np.random.default_rng(3).standard_normal(further.size)
+    time_s = PERIOD_S * np.arange(further.size)
+    log = rw_ekf.read({"time_s": time_s, "speed_rad_s": wheel(further, {}) + noise, "current_A": further})
+    again = rw_ekf.diagnose(log, read)
+    assert again.document()["verdict"]["kind"] == "adequate"
+    assert any("belonged to the record" in warning for warning in again.document()["warnings"])

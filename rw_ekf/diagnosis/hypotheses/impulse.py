@@ -92,7 +92,7 @@ def impulses_together(less: Fit, facts: RecordFacts) -> Fit | None:
     rows = _refined(profiled, ratio, ground, rows, moves, step)
     _, gram, products = profiled.sums(ratio, _columns(ground, rows))
     deviation = float(np.sqrt(np.mean(np.linalg.lstsq(gram, products)[0] ** 2)))
-    period = np.median(np.diff(ended))
+    period = float(np.median(np.diff(ended)))
     terms = [
         Term(SPELL, (0.0,), (0.0,), law=replace(_law(ground, ended, row, deviation), spread=(period, period)))
         for row in rows
