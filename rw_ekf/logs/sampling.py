@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.logs.wheel_log import WheelLog
@@ -20,8 +19,6 @@ _OFF_GRID = 0.4  # of a period, by which a step may miss a whole number of them:
 _ON_GRID = 0.95  # of the gaps must be a whole number of periods; of gaps of any length four in five are
 _TURNS, _LONG = 4, 4.0  # rounds in which the period is refined, over steps shorter than so many of it
 _SPARSE = 5.0  # periods a row: where more are lost it is no grid, but rows that come in batches
-_AROUND = 5  # changes on either side
-_MOST_FILLED = 9  # rows of a gap: over more nothing is known of the current
 _LEAST_STEPS = 20
 _TOLD = 0.005  # share of rows lost that is worth a word
 _SAID_FIRST = 0.05  # share lost or held that belongs in front of any verdict
@@ -38,7 +35,6 @@ _LEAST_RUNS = 20
 _IN_BATCHES = 0.25  # of the time per row: half of the steps are shorter, so that most rows came with the one before
 _LEAST_BATCHES, _LONGEST_WAIT_S = 20, 1.0  # a logger that sleeps between its bursts sleeps longer, and stamps truly
 _ON_CLOCK = 1.5  # of the time a batch waits: so far apart may stamps be from an even clock, early to late
-_DOUBT = 0.2  # speed noises that an unknown current may move the wheel by, for good, before the gap is not bridged
 
 
 @dataclass(eq=False, frozen=True)
@@ -232,80 +228,3 @@ def without_repeats(log: WheelLog) -> tuple[WheelLog, Sampling]:
 def read_anew(log: WheelLog, held: BoolArray) -> WheelLog:
     """The log without the readings (n,) that are held."""
     return replace(log, speed_rad_s=np.where(held, np.nan, log.speed_rad_s)) if held.any() else log
-
-
-def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
-    """The log as it should be read: lost rows as gaps, repeats as gaps, no belief in a current that is not known.
-
-    The current of lost rows is taken to pass evenly from one row to the next. Where it might have moved the wheel by
-    more than a fifth of the readings' noise if it changed at any other moment, the record is cut: a new segment begins.
-    The speed keeps what moved it, so that a step far below the noise of one reading shows in the mean of many.
-    """
-    log = read_anew(log, sampling.held)
-    if sampling.lost == 0:
-        return log
-    step = np.diff(log.time_s)
-    same = np.diff(log.segment) == 0
-    lost = np.where(same, np.round(step / sampling.period_s) - 1.0, 0.0)
-    lost = np.maximum(lost, 0.0).astype(int)
-    change = np.abs(np.diff(log.current_A))
-    regular = same & (lost == 0)
-    gain, noise = _rough(log, regular)
-    moved = gain * np.maximum(change, _usual(change, regular)) * lost * sampling.period_s / math.sqrt(12.0)
-    cut = (lost > 0) & ((moved > _DOUBT * noise) | (lost > _MOST_FILLED))
-    filled = np.where(cut, 0, lost)
-    return _with_rows(log, filled, cut)
-
-
-def _usual(change: Float64Array, regular: BoolArray) -> Float64Array:
-    """By how much a command may have gone there and back where rows are lost, (n - 1,): as it changes around there.
-
-    The median of all changes, or the mean of those nearby if that is more: a limit that chatters lasts a few rows.
-    """
-    if not regular.any():
-        return np.zeros(change.size)
-    around = np.ones(2 * _AROUND + 1)
-    known, count = (np.convolve(of, around, "same") for of in (np.where(regular, change, 0.0), regular.astype(float)))
-    nearby: Float64Array = known / np.maximum(count, 1.0)
-    return np.maximum(nearby, float(np.median(change[regular])))
-
-
-def _rough(log: WheelLog, regular: BoolArray) -> tuple[float, float]:
-    """Acceleration per unit of current, and noise of a reading [rad/s], roughly: from steps without a gap."""
-    speed, step = log.speed_rad_s, np.diff(log.time_s)
-    asked = np.diff(speed)[regular] / step[regular]
-    middle = 0.5 * (speed[1:] + speed[:-1])[regular]
-    A = np.column_stack((log.current_A[:-1][regular], np.sign(middle), middle))
-    kept = np.isfinite(asked) & np.isfinite(middle)
-    third = np.diff(speed, 3)
-    third = third[np.isfinite(third)]
-    noise = float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0) if third.size else 0.0
-    if kept.sum() < 10:
-        return 0.0, noise
-    return abs(float(np.linalg.lstsq(A[kept], asked[kept], rcond=None)[0][0])), noise
-
-
-def _with_rows(log: WheelLog, filled: NDArray[np.int_], cut: BoolArray) -> WheelLog:
-    """The log with so many rows after each (n - 1,), without a speed, and a new segment after each that is cut."""
-    n = len(log)
-    owner = np.repeat(np.arange(n), np.append(filled, 0) + 1)
-    place = np.arange(owner.size) - np.searchsorted(owner, owner)  # 0: the row itself
-    following = np.minimum(owner + 1, n - 1)
-    share = place / (np.append(filled, 0)[owner] + 1.0)
-    new = place > 0
-
-    def between(values: Float64Array) -> Float64Array:
-        ends: Float64Array = np.where(new, values[owner] + share * (values[following] - values[owner]), values[owner])
-        return ends
-
-    segment = log.segment + np.concatenate(([0], np.cumsum(cut)))
-    return replace(
-        log,
-        time_s=between(log.time_s),
-        speed_rad_s=np.where(new, np.nan, log.speed_rad_s[owner]),
-        current_A=np.where(new, 0.5 * (log.current_A[owner] + log.current_A[following]), log.current_A[owner]),
-        command_delay_s=np.where(new, 0.0, log.command_delay_s[owner]),
-        segment=segment[owner],
-        channels={name: between(values) for name, values in log.channels.items() if name != "status"},
-        other={},
-    )

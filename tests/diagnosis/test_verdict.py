@@ -136,12 +136,15 @@ def test_what_a_change_may_be_as_well_is_told_with_its_chance() -> None:
     """Where the motion is the same meanwhile rows of another kind are as likely; those far behind are left out."""
 
     def row(acts_as: str, weight: float) -> Any:
-        law = SimpleNamespace(acts_as=acts_as, quantity="time", column="")
+        law = SimpleNamespace(acts_as=acts_as, quantity="time", column="", first=280.0, last=320.0, spread=(1.0, 1.0))
         fit = SimpleNamespace(model=SimpleNamespace(of=lambda name: [SimpleNamespace(law=law)]))
         return SimpleNamespace(fit=fit, weight=weight, effects=("spell",))
 
     rows = [row("drag", 10.0), row("torque", 10.0), row("viscous_drag", 5.0)]
-    found: Any = SimpleNamespace(fit=rows[0].fit, ledger=SimpleNamespace(row=lambda fit: rows[0], rows=rows))
+    found: Any = SimpleNamespace(
+        fit=rows[0].fit, ledger=SimpleNamespace(row=lambda fit: rows[0], rows=rows),
+        prepared=SimpleNamespace(facts=SimpleNamespace(period_s=0.1)),
+    )  # fmt: skip
     assert or_another_kind(found, "spell") == " (it may also be the torque (50 %) instead)"
     rows[1].weight = 4.0
     assert or_another_kind(found, "spell") == ""

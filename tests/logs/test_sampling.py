@@ -7,7 +7,8 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.joined import joined
-from rw_ekf.logs.sampling import evenly_stamped, mended, sampling_of
+from rw_ekf.logs.mending import mended
+from rw_ekf.logs.sampling import evenly_stamped, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 
 
@@ -209,3 +210,31 @@ def test_rows_that_are_late_or_lost_for_good_keep_their_stamps() -> None:
     for stamps in (time, paused, late[lost], moments, once, duty):
         log = log_of(stamps, speed[: stamps.size])
         assert evenly_stamped(log) is log
+
+
+def test_rows_of_no_grid_are_cut_where_they_pause() -> None:
+    """Runs of a second each, half a minute apart, stamps that jitter: over a pause nothing is known of the command."""
+    rng = np.random.default_rng(3)
+    time = np.concatenate([30.0 * i + np.cumsum(rng.uniform(0.004, 0.008, 160)) for i in range(4)])
+    log = log_of(time, 90.0 + rng.standard_normal(time.size), np.full(time.size, 0.5))
+    assert mended(log, sampling_of(log)).segment.tolist() == np.repeat(np.arange(4), 160).tolist()
+
+
+def test_rows_that_come_once_a_turn_are_not_cut_as_the_wheel_slows_down() -> None:
+    """Their steps grow to seconds, one after the other."""
+    step = np.geomspace(0.05, 6.0, 120)
+    log = log_of(np.cumsum(step), 6.28 / step, np.zeros(120))
+    assert set(mended(log, sampling_of(log)).segment.tolist()) == {0}
+
+
+@pytest.mark.parametrize(("current_A", "answers", "added"), [(0.5, True, 1), (0.5, False, 0), (0.0, True, 0)])
+def test_a_command_that_moves_a_resting_wheel_was_not_there_before(current_A: float, answers: bool, added: int) -> None:
+    """Where a run begins at rest under its first command a row without one is put ahead of it, a period earlier."""
+    time = np.arange(300) / 100.0
+    speed = 90.0 * (1.0 - np.exp(-np.maximum(time - 0.03, 0.0) / 0.1)) if answers else np.zeros(300)
+    log = log_of(time, speed, np.full(300, current_A))
+    read = mended(log, sampling_of(log))
+    assert len(read) == 300 + added
+    assert float(read.time_s[0]) == pytest.approx(-0.01 * added)
+    assert float(read.current_A[0]) == (0.0 if added else current_A)
+    assert read.current_A[added:].tolist() == log.current_A.tolist()

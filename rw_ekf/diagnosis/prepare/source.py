@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -24,15 +25,17 @@ from rw_ekf.diagnosis.thresholds import (
     SAME_ROWS,
 )
 from rw_ekf.errors import LogError
-from rw_ekf.identify.record_scale import noise_beside_motion
+from rw_ekf.identify.record_scale import noise_beside_motion, rough_parameters
 from rw_ekf.logs.joined import joined
-from rw_ekf.logs.sampling import evenly_stamped, mended, sampling_of
+from rw_ekf.logs.mending import mended
+from rw_ekf.logs.sampling import evenly_stamped, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.law import MOST_COLUMNS
 
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
 _LEAST_LOGGED, _LEAST_VALUES = 0.5, 8  # of a column that a law may be a function of
 _MISSING = 1.0e300  # in place of a speed, where rows are compared
+_SETTLING_TIMES = 15.0  # as long may be judged of a machine that settles fast: 16 healthy motors of 20 are adequate
 
 
 @dataclass(eq=False, frozen=True)
@@ -146,10 +149,11 @@ def _with_running_time(log: WheelLog) -> WheelLog:
 def _unfit(log: WheelLog, course: Course) -> str | None:
     """Why the base model cannot be judged on this log; None if it can."""
     speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
-    if speed.size < LEAST_READINGS or log.duration_s < LEAST_SECONDS:
+    least_s = min(LEAST_SECONDS, _SETTLING_TIMES * _settling_time_s(course))
+    if speed.size < LEAST_READINGS or log.duration_s < least_s:
         return (
             f"the log has {speed.size} speed reading{'' if speed.size == 1 else 's'} over {log.duration_s:.3g} s; "
-            f"{LEAST_READINGS} readings over {LEAST_SECONDS:g} s are the least that can be judged"
+            f"{LEAST_READINGS} readings over {least_s:.2g} s are the least that can be judged"
         )
     # Beyond what a few wrong readings are: of a day at rest with minutes of motion a hundredth is all rest.
     share = min(0.01, LEAST_READINGS / speed.size)
@@ -159,6 +163,15 @@ def _unfit(log: WheelLog, course: Course) -> str | None:
     if high - low <= LEAST_MOVE * top or high - low <= 8.0 * noise:
         return "the speed hardly changes in this log, so that any friction fits it"
     return None
+
+
+def _settling_time_s(course: Course) -> float:
+    """Roughly the time in which the machine settles [s]; infinite where the record does not tell.
+
+    A motor that is fed a voltage settles within a tenth of a second: three seconds of it are thirty such times.
+    """
+    rough = rough_parameters(course, noise_beside_motion(course))
+    return 1.0 / rough.viscous if rough is not None and min(rough.motor_gain, rough.viscous) > 0.0 else math.inf
 
 
 def gross_errors(speed_rad_s: Float64Array, segment: Int64Array) -> BoolArray:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.diagnosis.checks.confirmation import worsened
 from rw_ekf.diagnosis.checks.heldout import (
     Performance,
@@ -64,7 +64,7 @@ def judgement(found: Found, advance: Advance) -> Judged:
     before, after, by_turns = _figures(found)
     lattice, rounded_off = (None, None) if found.is_unexplained else named_grid(found)
     after = after if rounded_off is None else rounded_off
-    heldout_s = sum(end - begin for begin, end in prepared.split.document()["heldout_s"])
+    heldout_s = _duration(prepared.split.time_s, prepared.course.segment, prepared.split.heldout)
     advance("weighing explanations")
     weighed = weighed_explanations(found)
     rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
@@ -95,6 +95,12 @@ def judgement(found: Found, advance: Advance) -> Judged:
     uneven = None if rounded else unevenness(white, stands.trajectory.speed)
     kept = None if refusal is not None else model
     return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
+
+
+def _duration(time_s: Float64Array, segment: Int64Array, part: BoolArray) -> float:
+    """How long a part (n,) of a record goes on [s], pauses between segments left out."""
+    inside = part[1:] & part[:-1] & (np.diff(segment) == 0)
+    return float(np.diff(time_s)[inside].sum())
 
 
 def _figures(found: Found) -> tuple[Performance, Performance, bool]:
