@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.investigate.learned import with_laws
 from rw_ekf.diagnosis.investigate.rounding import investigated
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.likelihood.one_step import state_vector
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.friction import LAW_NAMES, Stribeck
@@ -105,3 +106,18 @@ def test_a_wheel_that_leaves_noise_keeps_its_likeliest_numbers() -> None:
     found = with_laws(investigated(prepared, quiet), quiet)
     assert found.new_ids == ["offset_torque"]
     assert as_it_foretells(found, quiet) is found
+
+
+@pytest.mark.slow
+def test_what_was_refused_and_foretells_more_is_described_and_named_as_no_cause() -> None:
+    """Its model is kept, for it misses by a quarter less; the verdict is that nothing explains the record."""
+    prepared = prepare(source_of([machine(1, 20.0)]), None, None, "blocks")
+    found = as_it_foretells(with_laws(investigated(prepared, quiet), quiet), quiet)
+    assert found.new_ids
+    told = conclude(replace(found, described=True), quiet)
+    document = told.document()
+    assert document["verdict"]["kind"] == "unexplained"
+    assert document["verdict"]["effects"] == []
+    assert "as a description, and as no cause" in document["verdict"]["statement"]
+    assert told.model is not None
+    assert document["after"]["free_run_rms_rpm"] < 0.8 * document["before"]["free_run_rms_rpm"]

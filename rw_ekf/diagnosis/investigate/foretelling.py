@@ -42,15 +42,20 @@ NOTE_SLOWER = (
 
 def as_it_foretells(found: Found, advance: Advance) -> Found:
     """The same, with numbers and laws that foretell more where what is left is beyond doubt no noise."""
-    if found.lattice is not None or WANDERING.id in found.fit.model.effects.ids:
+    followed = found.lattice is not None or WANDERING.id in found.fit.model.effects.ids
+    if followed and not found.is_unexplained:  # where nothing stands, neither does a grid or a friction that wanders
         return found
     failed = failed_tests(residual_tests(left_over(found.fit)))
     if not found.is_unexplained and min(failed.values(), default=1.0) > BEYOND_DOUBT_P:
         return found
     advance("running free what was found")
     bare = _with_nothing_named(found) if found.is_unexplained else found
-    other = _foretelling_most(bare, _candidates(bare, advance))
-    return found if other is bare else other
+    candidates = _candidates(bare, advance)
+    refused = [fit for fit in _refused(bare, advance) if fit not in candidates] if found.is_unexplained else []
+    other = _foretelling_most(bare, [*candidates, *refused])
+    if other is bare:
+        return found
+    return replace(other, described=any(other.selection.final is fit for fit in refused))
 
 
 def as_foretold(found: Found, fit: Fit, part: Found) -> Found:
@@ -74,6 +79,8 @@ def _foretelling_most(found: Found, fits: list[Fit]) -> Found:
     """The same with the numbers by simulation of that of some fits which runs free best; as it was where none may."""
     prepared = found.prepared
     ways = [(fit, _simulated(prepared, fit)) for fit in fits]
+    if found.is_unexplained:  # nothing stands whose likeliest numbers would be held against those by simulation
+        ways += [(fit, fit) for fit in fits if fit is not found.selection.final]
     for fit, way in sorted(ways, key=lambda item: _free_run(prepared, item[1])):
         foretold = _foretelling(found, fit, way)
         if foretold is None:
@@ -98,7 +105,8 @@ def _foretelling(found: Found, fit: Fit, way: Fit, note: str = NOTE) -> Found | 
         if _gained(prepared, _simulated(prepared, stands), way) < REAL_GAIN:
             return None
         found = _named(found, fit)
-    return replace(found, prepared=replace(prepared, notes=(*prepared.notes, note)), reported=way)
+    notes = prepared.notes if way is fit else (*prepared.notes, note)
+    return replace(found, prepared=replace(prepared, notes=notes), reported=way)
 
 
 def _simulated(prepared: Prepared, fit: Fit) -> Fit:
@@ -135,6 +143,22 @@ def _candidates(found: Found, advance: Advance) -> list[Fit]:
         fit = fit.refitted(fit.model.with_terms(law.term))
         fits.append(fit)
     return fits
+
+
+def _refused(found: Found, advance: Advance) -> list[Fit]:
+    """Of rows that were refused, likeliest first, the likeliest of one effect, of two and of three.
+
+    What explains half of the structure is no cause, yet it may foretell far more than nothing at all does. An event
+    foretells nothing, and a size that no machine has, or that nobody knows, is none.
+    """
+    search, rows = Search(found.prepared.record, found.prepared.facts, advance), {}
+    for row in sorted({*found.ledger.rows, *found.weighed}, key=lambda row: -row.weight):
+        count = len(row.effects)
+        if not 0 < count <= _MOST_ROWS or count in rows or any(CATALOGUE[name].local_in_time for name in row.effects):
+            continue
+        if all(check.passed for name in row.effects for check in of_size(search, row.fit, name)):
+            rows[count] = row.fit
+    return list(rows.values())
 
 
 def _has_nothing(fit: Fit) -> bool:

@@ -48,6 +48,7 @@ class Found:
     laws: dict[str, dict[str, float]] = field(default_factory=dict)  # of each effect that may follow several
     weighed: tuple[Row, ...] = ()  # hypotheses with laws without a formula, where none of them stands
     lattice: Lattice | None = None  # the readings' grid, where it is coarser than their noise
+    described: bool = False  # by a row that was refused: it foretells more than nothing does, and is no cause
     corrected: Prepared | None = None  # the record without what the grid did to the readings, as it was searched
 
     @property
