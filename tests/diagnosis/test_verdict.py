@@ -71,6 +71,10 @@ def test_no_effect_is_named_that_is_less_likely_than_not() -> None:
     verdict = verdict_on(Evidence(found, None, open_, figures, figures, 60.0, False, {}, None, [name]))
     assert (verdict.kind, verdict.effects) == ("unexplained", [])
     assert f"{name} 30 %" in verdict.statement
+    sound = {name: 0.2, "none": 0.7, "something_else": 0.1}
+    verdict = verdict_on(Evidence(found, None, sound, figures, figures, 60.0, False, {}, None, [name]))
+    assert (verdict.kind, verdict.effects) == ("adequate", [])
+    assert f"{name} 20 %" in verdict.statement
 
 
 def test_a_document_of_what_is_doubted_contradicts_itself_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:

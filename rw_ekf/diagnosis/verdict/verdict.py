@@ -72,6 +72,8 @@ def verdict_on(shown: Evidence) -> Verdict:
         text = _of_no_catalogue(found)
     elif shown.describes:
         text = _description(shown)
+    elif shown.doubted and not shown.failed and shown.posterior.get(NONE, 0.0) >= 0.5:
+        return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
     elif shown.doubted or (not named and _lacks_something(shown.posterior)):
         text = (
             "This log wants more than the model, and does not settle what: "
