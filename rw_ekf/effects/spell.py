@@ -11,12 +11,18 @@ from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
     from rw_ekf.model.effect import Matrix
+    from rw_ekf.model.law import Law
 
 
 _KNOTS = 128  # within a hundredth of its length it has come, and gone
 _KNOCK_S = 1.0
 _INTERVALS, _SIGMAS = 1.5, 2.0  # of the record, and of its times: what lasts no longer is an impulse
 VALUES = (0.0, *(1.0,) * (_KNOTS - 2), 0.0)
+
+
+def is_impulse(law: Law, period_s: float) -> bool:
+    """Whether a law of time lasts no longer than a sample, or than its own times are known to."""
+    return law.last - law.first <= max(_INTERVALS * period_s, _SIGMAS * max(law.spread, default=0.0))
 
 
 class Spell(Change):
@@ -60,11 +66,8 @@ class Spell(Change):
 
     @classmethod
     def has_a_kind(cls, term: Term, facts: RecordFacts) -> bool:
-        """Not where it lasts no longer than a sample, or than its own times are known to."""
-        law = term.law
-        if law is None:
-            return True
-        return law.last - law.first > max(_INTERVALS * facts.period_s, _SIGMAS * max(law.spread, default=0.0))
+        """Not of an impulse."""
+        return term.law is None or not is_impulse(term.law, facts.period_s)
 
     @classmethod
     def _impulse(cls, term: Term, covariance: Matrix) -> str:

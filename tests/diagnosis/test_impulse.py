@@ -10,6 +10,8 @@ import pytest
 
 import rw_ekf
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.report.cause import cause_curves
+from rw_ekf.diagnosis.report.words import Units
 
 PERIOD_S, FINER = 0.1, 50
 RPM = math.pi / 30.0
@@ -115,8 +117,12 @@ def test_knocks_of_one_record_are_none_of_the_next(tmp_path: Path) -> None:
     current_A = currents(0)
     taken = current_A.copy()
     taken[[300, 1100, 1500, 4300, 4700, 5500]] = 0.0
-    model = diagnosed(current_A, wheel(taken, {}), 0).model
+    found = diagnosed(current_A, wheel(taken, {}), 0)
+    model = found.model
     assert model is not None
+    (curve,) = cause_curves(found, Units(wheel=True, inertia_kg_m2=0.0015))  # one picture of all, each with its sigma
+    assert curve.x.size == 6
+    assert np.all(np.abs(curve.y) > curve.error)
     model.save(tmp_path / "wheel.model.yaml")
     read = rw_ekf.Model.load(tmp_path / "wheel.model.yaml")
     assert [term.id for term in read.effects.terms] == 6 * ["spell"]

@@ -11,7 +11,9 @@ from rw_ekf.diagnosis.report.curves import Curve
 from rw_ekf.diagnosis.report.drawn_time import timeline
 from rw_ekf.diagnosis.report.quantities import Quantity, correlation_of
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.effects.catalogue import SPELL
 from rw_ekf.effects.learned_law import QUANTITY_WORDS, WORDS
+from rw_ekf.effects.spell import is_impulse
 from rw_ekf.model.law import OF_SPEED
 
 if TYPE_CHECKING:
@@ -29,8 +31,34 @@ def law_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
         return []
     named = (diagnosis.document().get("verdict") or {}).get("effects") or ()
     terms = [term for term in model.effects.terms if term.law is not None and term.id in named]
-    curves = (_curve(term, term.law, diagnosis, units) for term in terms if term.law is not None)
-    return [curve for curve in curves if curve is not None]
+    knocks = [term for term in terms if _is_knock(term, diagnosis)]
+    curves = [_curve(t, t.law, diagnosis, units) for t in terms if t.law is not None and t not in knocks]
+    return [curve for curve in [*curves, _jumps(knocks, diagnosis, units)] if curve is not None]
+
+
+def _is_knock(term: Term, diagnosis: Outcome) -> bool:
+    steps = np.diff(diagnosis.log.time_s)
+    return term.effect is SPELL and term.law is not None and is_impulse(term.law, float(np.median(steps)))
+
+
+def _jumps(knocks: list[Term], diagnosis: Outcome, units: Units) -> Curve | None:
+    """All impulses together: by how much each changed the speed, and when."""
+    knocks = sorted(knocks, key=lambda term: term.law.first if term.law is not None else 0.0)
+    laws = [term.law for term in knocks if term.law is not None]
+    if not laws:
+        return None
+    label, scale, zero = _axis(laws[0], diagnosis, units)
+    time_s = np.array([0.5 * (law.first + law.last) for law in laws])
+    per_size = np.array([law.last - law.first for law in laws]) / units.speed_scale
+    sizes = np.array([term.values[0] for term in knocks]) * per_size
+    stds = np.array([term.stds[0] for term in knocks]) * per_size
+    ends = np.array([diagnosis.log.time_s[0], diagnosis.log.time_s[-1]])
+    at = np.concatenate((ends[:1], np.repeat(time_s, 3), ends[1:]))
+    stems = np.concatenate(([0.0], np.column_stack((0.0 * sizes, -sizes, 0.0 * sizes)).ravel(), [0.0]))
+    return Curve(
+        "Speed, at once", label, f"change of the speed [{units.speed}]", (time_s - zero) / scale, -sizes, 2.0 * stds,
+        (at - zero) / scale, stems,
+    )  # fmt: skip
 
 
 def _curve(term: Term, law: Law, diagnosis: Outcome, units: Units) -> Curve | None:
