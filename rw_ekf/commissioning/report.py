@@ -13,7 +13,7 @@ from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.commissioning.progress import Progress
 from rw_ekf.commissioning.setting import CONFIGURATION_FILE
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, INK, legend, new_figure, plain, png
-from rw_ekf.diagnosis.report.rendering import rendered
+from rw_ekf.diagnosis.report.template_engine import rendered
 from rw_ekf.drawing import picture
 from rw_ekf.errors import PictureError
 from rw_ekf.filter.estimator import Estimator

@@ -29,7 +29,7 @@ class Diagnosis(Outcome, Shown):
 
     def report(self, directory: str | Path, options: Sequence[str] = ()) -> list[Path]:
         """Write what `diagnose --out` leaves; returns the files. options: see `write_report`, as what is raised."""
-        from rw_ekf.diagnosis.report.write import write_report
+        from rw_ekf.diagnosis.report.page import write_report
         from rw_ekf.effects.catalogue import with_own
 
         with with_own(() if self.model is None else self.model.own_effects):

@@ -112,7 +112,7 @@ class LearnedLaw(LawEffect):
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
-        """None: laws are sought where nothing with a formula explains a record (`diagnosis/hypotheses/nameless`)."""
+        """None: laws are sought where no formula explains a record (`diagnosis/hypotheses/learned_laws`)."""
         return []
 
     @classmethod

@@ -34,7 +34,7 @@ from rw_ekf.records import (
     WheelState,
 )
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
-from rw_ekf.wheel.friction_torque import FrictionTorque, current_for
+from rw_ekf.wheel.momentary_friction import FrictionTorque, current_for
 from rw_ekf.wheel.pieces import Moment
 from rw_ekf.wheel.window import lateness
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.report.rendering import rendered
+from rw_ekf.diagnosis.report.template_engine import rendered
 from rw_ekf.fleet.findings import UNLIKE, level_day
 from rw_ekf.fleet.siblings import Siblings
 from rw_ekf.fleet.trend_document import Trends

@@ -42,8 +42,8 @@ from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.moment import Moment
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS, FrictionParameters
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.friction_torque import current_for, friction_of
 from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.momentary_friction import current_for, friction_of
 from rw_ekf.wheel.pieces import effect_interval
 
 # Places in `Crossing.now`.

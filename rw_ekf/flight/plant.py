@@ -15,8 +15,8 @@ from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.moment import Columns, Moment
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.effect_table import ABSENT, EffectTable
-from rw_ekf.wheel.friction_torque import friction_of
 from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.momentary_friction import friction_of
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.window import lateness
 

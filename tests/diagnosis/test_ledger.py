@@ -13,7 +13,7 @@ import pytest
 from rw_ekf.diagnosis.checks.checks import Check
 from rw_ekf.diagnosis.diagnose import richer_part
 from rw_ekf.diagnosis.hypotheses.contenders import Search
-from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate import learned
 from rw_ekf.diagnosis.investigate.found import mapped

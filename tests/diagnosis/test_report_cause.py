@@ -10,7 +10,7 @@ import pytest
 from rw_ekf.diagnosis.report.binning import binned_means
 from rw_ekf.diagnosis.report.cause import cause_curves
 from rw_ekf.diagnosis.report.curves import Curve
-from rw_ekf.diagnosis.report.rendering import prose_parts
+from rw_ekf.diagnosis.report.template_engine import prose_parts
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS

@@ -13,8 +13,8 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.law import Law
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
-from rw_ekf.wheel.friction_torque import friction_of
 from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.momentary_friction import friction_of
 from rw_ekf.wheel.pieces import Moment, effect_interval
 from rw_ekf.wheel.window import lateness
 from tests.filter.effect_replay import believed

@@ -17,7 +17,7 @@ from rw_ekf.diagnosis.checks.checks import of_size
 from rw_ekf.diagnosis.checks.heldout import by_fit_part, gain_over, performance
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.hypotheses.contenders import Search
-from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Trial
 from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared

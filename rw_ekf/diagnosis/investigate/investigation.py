@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same, quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
-from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
 from rw_ekf.diagnosis.hypotheses.other_starts import LAW, has_laws, with_each_law
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found, mapped

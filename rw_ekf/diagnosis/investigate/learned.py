@@ -12,7 +12,7 @@ from dataclasses import replace
 from rw_ekf.diagnosis.checks.residual_map import residual_map
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.grounds import Nameless
-from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.rivals import twins_in_place
 from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.investigation import with_widths

@@ -13,7 +13,6 @@ from rw_ekf.diagnosis.report.cause import cause_curves
 from rw_ekf.diagnosis.report.curves import curves_picture, shape_curves
 from rw_ekf.diagnosis.report.drawn import remove, write_pictures
 from rw_ekf.diagnosis.report.drawn_time import timeline
-from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.diagnosis.report.residual_panels import residual_picture, residual_view
 from rw_ekf.diagnosis.report.rows import (
     added_parameters,
@@ -24,6 +23,7 @@ from rw_ekf.diagnosis.report.rows import (
 )
 from rw_ekf.diagnosis.report.speed import speed_course, speed_picture
 from rw_ekf.diagnosis.report.steps import commands, excitation_of, next_steps
+from rw_ekf.diagnosis.report.template_engine import rendered
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, verdict_of
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.documents import inertia_text
