@@ -44,6 +44,9 @@ class RawTable:
     factors: dict[str, Factor] = field(default_factory=dict)  # by name of column
     doubts: tuple[str, ...] = ()  # sentences on what its layout leaves open: which cell is whose, what a comma means
 
+    def __post_init__(self) -> None:
+        self.columns = [_decoded(column) for column in self.columns]
+
     def index_of(self, name: str) -> int | None:
         """Position of the column called `name`; None if there is none. Raises LogError if the name is repeated."""
         positions = [index for index, other in enumerate(self.names) if other == name]
@@ -58,7 +61,7 @@ class RawTable:
     def floats(self, index: int, *, stamps: bool = False) -> Float64Array:
         """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric.
 
-        stamps: dates are taken too, as seconds since 1970, and times of day, as seconds since midnight.
+        stamps: dates are taken too, as seconds since 1970, times of day, as seconds since midnight, and durations.
         """
         column = self.columns[index]
         if isinstance(column, np.ndarray):
@@ -68,14 +71,15 @@ class RawTable:
         kind = column.type
         if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
             column = column.cast(pa.int8() if pa.types.is_boolean(kind) else pa.float64())
-        elif stamps and pa.types.is_timestamp(kind):
-            column = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())
-            return np.asarray(1.0e-9 * column.to_numpy())
+        elif stamps and (pa.types.is_timestamp(kind) or pa.types.is_duration(kind)):
+            in_ns = pa.duration("ns") if pa.types.is_duration(kind) else pa.timestamp("ns", kind.tz)
+            column = column.cast(in_ns, safe=False).cast(pa.int64())
+            return np.asarray(1.0e-9 * column.to_numpy(zero_copy_only=False))
         elif stamps and pa.types.is_time(kind):
             ticks = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
             whole = column.cast(pa.int32() if pa.types.is_time32(kind) else pa.int64()).cast(pa.float64())
             return past_midnight(np.asarray(whole.to_numpy(zero_copy_only=False)) / ticks)
-        elif (stamps and pa.types.is_string(kind)) or pa.types.is_date(kind):
+        elif (stamps and self.is_text(index)) or pa.types.is_date(kind):
             texts = [None if value is None else str(value) for value in column.to_pylist()]
             seconds = seconds_of(texts)
             if seconds is None:
@@ -206,6 +210,15 @@ def _listed(column: Any) -> list[Any]:
 def _spelt(value: Any) -> str:
     """A cell as a text by which it is found: `1`, be it read as 1.0."""
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
+
+
+def _decoded(column: Any) -> Any:
+    """A column; of one that names its values by number (a pandas Categorical), the values."""
+    if isinstance(column, np.ndarray):
+        return column
+    import pyarrow as pa
+
+    return column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
 
 
 def _is_number(kind: Any) -> bool:

@@ -20,7 +20,7 @@ from rw_ekf.logs.interleaved import named_between, widened
 from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
 from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
-from rw_ekf.logs.raw_table import RawTable, stacked
+from rw_ekf.logs.raw_table import RawTable, number_or_none, stacked
 from rw_ekf.logs.side_by_side import beside_each_other, in_turn, with_whole_time, without_empty_rows
 from rw_ekf.logs.sums import all_sums, part_key, sums_of
 from rw_ekf.logs.wheel_log import WheelLog
@@ -100,27 +100,61 @@ def log_of_arrays(columns: Mapping[str, Any], name: str) -> WheelLog:
 
 
 def _table_of(columns: Mapping[str, Any], name: str) -> RawTable:
-    sizes = {key: len(values) for key, values in columns.items()}
+    held = {str(key): _column_of(values, f"{name}: column {str(key)!r}") for key, values in columns.items()}
+    sizes = {key: len(values) for key, values in held.items()}
     if len(set(sizes.values())) > 1:
         raise LogError(f"{name}: the columns are of unequal length ({sizes}): a log has a value, or NaN, in each row")
     rows = next(iter(sizes.values()), 0)
     if rows == 0:
         raise EmptyLogError(f"{name}: has no rows: nothing was logged")
-    held = [values if hasattr(values, "type") else _array_of(values) for values in columns.values()]
-    return RawTable(name, tuple(columns), held, rows, lambda row: f"row {row + 1}")
+    return RawTable(name, tuple(held), list(held.values()), rows, lambda row: f"row {row + 1}")
 
 
-def _array_of(values: Any) -> Any:
-    """A column in memory: numbers as they are, words and dates as arrow has them."""
-    array = np.asarray(values)
+def _column_of(values: Any, place: str) -> Any:
+    """A column in memory: numbers as they are, masked ones missing; words and dates as arrow has them.
+
+    Raises LogError for what is no column: `place` says which.
+    """
+    if hasattr(values, "to_pylist"):  # arrow's
+        return _numbers_of_words(values)
+    if not hasattr(values, "__len__") and hasattr(values, "__iter__") and not hasattr(values, "ndim"):
+        values = list(values)
+    wanted = "a log has one number, or NaN, in each row"
+    try:
+        array, mask = np.asarray(values), np.ma.getmaskarray(values) if np.ma.isMaskedArray(values) else None
+    except ValueError:  # rows of unequal length
+        raise LogError(f"{place} has several values in a row: {wanted}; give each its own name") from None
+    if array.ndim == 0:
+        raise LogError(f"{place} is {type(values).__name__} {str(values)[:40]!r}, no sequence of values: {wanted}")
+    if array.size != len(array):
+        advice = "transpose it" if array.size == max(array.shape) else "give each its own name"
+        raise LogError(f"{place} has the shape {array.shape}: {wanted}; {advice}")
+    if array.dtype.kind == "c":
+        raise LogError(f"{place} holds complex numbers: {wanted}; give the real part, if that is meant")
+    array, mask = array.reshape(-1), None if mask is None else mask.reshape(-1)
     if array.dtype.kind in "biuf":
-        return array
+        return array if mask is None else np.where(mask, np.nan, array)
     import pyarrow as pa
 
     try:
-        return pa.array(array)
+        return _numbers_of_words(pa.array(array, mask=mask))
     except (pa.ArrowException, TypeError, ValueError):
-        return array  # nothing that a log could use
+        raise LogError(f"{place} holds what is neither a number, a word nor a date, such as {array[0]!r}") from None
+
+
+def _numbers_of_words(column: Any) -> Any:
+    """A column of arrow's; words that all are numbers or empty are numbers, as they are in a CSV."""
+    import pyarrow as pa
+
+    if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+        return column
+    numbers = []
+    for cell in column.to_pylist():
+        numbers.append(number := number_or_none(cell or ""))
+        if number is None:
+            return column
+    found = np.array(numbers, dtype=np.float64)
+    return column if np.isnan(found).all() else found
 
 
 def read_table(path: Path, columns: ColumnMap) -> RawTable:
