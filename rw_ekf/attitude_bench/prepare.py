@@ -11,6 +11,8 @@ from pydantic import ValidationError
 from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError
+from rw_ekf.model.effect import Term
+from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
@@ -30,6 +32,8 @@ _OF_THE_RECORD = {"start_s", "piece_s", "reference_s"}
 
 def with_wheel_of(scenario: Scenario, model: WheelModel) -> Scenario:
     """The scenario with the model's wheel on it. Raises BadInputError where a simulated wheel cannot be that."""
+    from rw_ekf.attach.simulated import simulated_plant
+
     parameters = model.parameters
     wheel: dict[str, Any] = {
         "motor_gain": parameters.motor_gain,
@@ -37,35 +41,47 @@ def with_wheel_of(scenario: Scenario, model: WheelModel) -> Scenario:
         "coulomb": parameters.coulomb,
         "static": max(parameters.static, parameters.coulomb),
         "stribeck_speed_rpm": rpm_from_rad_s(model.stribeck_speed_rad_s),
-        "effects": [_text(scenario, entry) for entry in model.document()["effects"]],
     }
     if model.inertia_kg_m2 is not None:
         wheel["inertia_kg_m2"] = model.inertia_kg_m2
-    if model.stribeck_law != LAW_NAMES[0]:
-        wheel["effects"].append(f"stribeck_shape:speed_rad_s={model.stribeck_speed_rad_s:.9g},law={model.stribeck_law}")
     data = scenario.model_dump()
     try:
+        wheel["effects"] = _texts(scenario, model)
+        simulated_plant(parameters, model.stribeck_speed_rad_s, wheel["effects"])
         return Scenario.model_validate(data | {"wheel": data["wheel"] | wheel})
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise BadInputError(f"the bench has no wheel like this model's: {key}: {first['msg']}") from None
+    except (ValidationError, BadInputError) as error:
+        reason: object = error
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            reason = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise BadInputError(f"the bench has no wheel like this model's: {reason}") from None
 
 
-def _text(scenario: Scenario, entry: dict[str, Any]) -> str:
-    """One effect of a model file as the simulated wheel takes it: "ID:name=value,..."."""
-    named = {entry["coefficient"]["name"]: entry["coefficient"]["value"]}
-    named |= {name: value for name, value in entry["constants"].items() if name not in _OF_THE_RECORD}
+def _texts(scenario: Scenario, model: WheelModel) -> list[str]:
+    """The effects of a model as the simulated wheel takes them. Raises BadInputError for a law without a formula."""
+    nameless = [term.id for term in model.effects.terms if term.law is not None]
+    if nameless:
+        raise BadInputError(f"a simulated wheel follows formulas, and {nameless[0]} has none: bench a model without it")
+    texts = [_text(scenario, term) for term in model.effects.terms]
+    if model.stribeck_law != LAW_NAMES[0] and not any(
+        issubclass(t.effect, StribeckEffect) for t in model.effects.terms
+    ):
+        texts.append(f"stribeck_shape:speed_rad_s={model.stribeck_speed_rad_s:.9g},law={model.stribeck_law}")
+    return texts
+
+
+def _text(scenario: Scenario, term: Term) -> str:
+    """One effect of a model as the simulated wheel takes it, sine and cosine as one: "ID:name=value,..."."""
+    unknown = [[0.0] * len(term.values)] * len(term.values)
+    named = {name: told["value"] for name, told in term.described(unknown).items() if name not in _OF_THE_RECORD}
     if "onset_s" in named:
         reversal_s = scenario.reversal_s
         at_s = 0.0 if reversal_s is None else reversal_s - _SPIKE_BEFORE_REVERSAL_S
         named["onset_s"] = scenario.control.settling_s + max(at_s, 0.0)
-    if "law" in named:
-        named["law"] = LAW_NAMES[round(named["law"])]
     written = ",".join(
         f"{name}={value}" if isinstance(value, str) else f"{name}={value:.9g}" for name, value in named.items()
     )
-    return f"{entry['effect']}:{written}"
+    return f"{term.id}:{written}"
 
 
 def schemes_of(wanted: Sequence[str] | None) -> list[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,12 @@ from rw_ekf.attitude_bench.prepare import REPRESENTATIVE, scenario_of, schemes_o
 from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
 from rw_ekf.attitude_bench.wheels import drawn_wheel
 from rw_ekf.control.compensation.schemes import SCHEMES
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import BadInputError, ConfigError
+from rw_ekf.model.effect import Effect, Term
+from rw_ekf.model.effect_kinds import LawEffect
+from rw_ekf.model.law import Law
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import read_model
 
 MODEL = """\
@@ -93,6 +100,41 @@ def test_the_wheel_of_a_model_stands_on_the_bench_with_its_effects(tmp_path: Pat
     assert plant.offset_rad_s2 == pytest.approx(-0.05)
     assert plant.stribeck_speed_rad_s == pytest.approx(0.42)
     assert scenario.wheel.inertia_kg_m2 == 0.002
+
+
+@pytest.mark.parametrize("effect", [effect for effect in CATALOGUE.values() if not issubclass(effect, LawEffect)])
+def test_each_effect_that_a_diagnosis_can_name_stands_on_the_bench(tmp_path: Path, effect: type[Effect]) -> None:
+    """With all its coefficients and constants, by the laws that it may follow, in a wheel of any Stribeck law."""
+    plain = (tmp_path / "model.yaml", MODEL.replace("law: gauss", "law: tustin").partition("effects:")[0])
+    plain[0].write_text(plain[1].replace(", 0]", "]").replace("  - [0, 0, 0, 0, 1.0e-6]\n", ""), encoding="utf-8")
+    model = read_model(plain[0])
+    values = tuple(0.04 + 0.03 * number for number in range(effect.components))
+    laws = (0.0, 1.0) if effect.constants and effect.constants[0].name == "law" else (1.0,)
+    for law in laws:
+        term = Term(effect, values, (0.01,) * len(values), (law, 0.5, 7.0))
+        scenario = scenario_of(None, replace(model, effects=EffectSet((term,))), [])
+        plant = drawn_wheel(scenario, 1)
+        assert plant != drawn_wheel(scenario.changed("wheel", effects=()), 1)
+        code = {
+            "viscous_temperature": plant.viscous_temperature_law,
+            "coulomb_temperature": plant.coulomb_temperature_law,
+        }
+        assert code.get(effect.id, law) == law
+        if effect.id == "external_torque":
+            assert plant.external_rad_s2 == pytest.approx(math.hypot(*values))
+            assert plant.external_phase_rad == pytest.approx(0.5 + math.atan2(values[1], values[0]))
+
+
+def test_a_model_that_no_simulated_wheel_is_like_is_refused_with_a_reason(tmp_path: Path) -> None:
+    """A law without a formula, and two torques with a clock, of which a simulated wheel has one."""
+    path = tmp_path / "model.yaml"
+    path.write_text(MODEL, encoding="utf-8")
+    law = Law("speed", "drag", 0.0, 10.0, ((0.0, 0.1),))
+    learned = Term(CATALOGUE["learned_law"], (1.0,), (0.1,), law=law)
+    twice = (Term(CATALOGUE["external_torque"], (0.1,), (0.01,), (frequency, 0.0, 0.0)) for frequency in (0.1, 0.2))
+    for terms, words in (((learned,), "learned_law has none"), (tuple(twice), "external_torque is given twice")):
+        with pytest.raises(BadInputError, match=f"the bench has no wheel like this model's: .*{words}"):
+            with_wheel_of(Scenario(), replace(read_model(path), effects=EffectSet(terms)))
 
 
 def test_a_drawn_wheel_stays_within_the_spread_and_never_breaks_away_below_its_coulomb_friction() -> None:
