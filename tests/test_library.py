@@ -232,12 +232,17 @@ def test_drivers_of_a_checkout_are_those_of_the_package() -> None:
 
 def test_several_logs_are_fitted_as_one(log: rw_ekf.Log) -> None:
     """Twice the readings, each log with its own start; what is no log is an error of the package."""
-    both = rw_ekf.fit([log, log])
+    both = rw_ekf.fit([log, rw_ekf.simulate("P1", effects=["quadratic_drag"], seed=4, duration_s=120.0)])
     one = rw_ekf.fit(log)
     assert both.samples == 2 * one.samples
     assert both.belief.mean[1] == pytest.approx(one.belief.mean[1], rel=0.01)  # the gain; the first is the speed
     for nothing in ([], [None], 3):
         with pytest.raises(rw_ekf.Error, match="log"):
             rw_ekf.fit(nothing)  # type: ignore[arg-type]
+    for judge in (rw_ekf.fit, rw_ekf.diagnose):
+        with pytest.raises(
+            rw_ekf.Error, match=r"simulated P1, log 2: 1200 of its 1200 rows are rows of log 1, time and"
+        ):
+            judge([log, log])
     with pytest.raises(rw_ekf.Error, match="a model is wanted"):
         rw_ekf.compare(1, 2)  # type: ignore[arg-type]

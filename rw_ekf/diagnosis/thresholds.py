@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from rw_ekf.logs import joined
+
 
 class Threshold(NamedTuple):
     """A row of the table."""
@@ -44,7 +46,11 @@ LEAST_SECONDS = _number(
 )
 LEAST_MOVE = _number("LEAST_MOVE", 0.05, "of top speed", "a speed that changes by less shows no friction law", "chosen")
 SAME_ROWS = _number(
-    "SAME_ROWS", 0.9, "share", "two logs that share more rows are one log", "two runs do not read the same noise"
+    "SAME_ROWS",
+    joined.SAME_ROWS,
+    "share",
+    "two logs that share more rows are one log",
+    "two runs do not read the same noise",
 )
 GRID_NOISES = _number("GRID_NOISES", 1.5, "noises", "a grid that is finer is none", "chosen")
 GRID_REGISTER_RPM = _number(

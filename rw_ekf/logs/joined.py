@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import Complex128Array, Float64Array, Int64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.wheel_log import WheelLog, put_together
 
+SAME_ROWS = 0.9  # share of rows beyond which two logs are one: two runs do not read the same noise
+_LEAST_ROWS = 100  # of a log in which that is asked
+_MISSING = 1.0e300  # in place of a speed, where rows are compared
 _UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
 
 
@@ -59,11 +63,31 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
 
 
 def one_log(logs: Sequence[WheelLog]) -> WheelLog:
-    """Logs joined, with what is said of them among the warnings. Raises LogError where there is none."""
+    """Logs joined, with what is said of them among the warnings. Raises LogError for none, and for one given twice."""
     if not logs:
         raise LogError("no log was given: name one, or several of one wheel")
+    refuse_twice(logs)
     whole = joined(logs)
     return replace(whole.log, warnings=(*whole.log.warnings, *whole.notes))
+
+
+def refuse_twice(logs: Sequence[WheelLog], same_rows: float = SAME_ROWS) -> None:
+    """Raise LogError where nearly all rows of a log are rows of another: what it says would count twice."""
+    for (first, one), (second, other) in combinations(enumerate(logs, 1), 2):
+        shared, least = int(np.isin(_rows(other), _rows(one)).sum()), min(len(one), len(other))
+        if least >= _LEAST_ROWS and shared >= same_rows * least:
+            this, that = other.name, one.name
+            if this == that:  # tables in memory, or one path
+                this, that = f"{this}, log {second}", f"log {first}"
+            raise LogError(
+                f"{this}: {shared} of its {len(other)} rows are rows of {that}, time and speed: what they say would "
+                "count twice; name one of the two"
+            )
+
+
+def _rows(log: WheelLog) -> Complex128Array:
+    """Time and speed of each row as one number that can be sorted; a missing speed is like any other."""
+    return log.time_s + 1j * np.where(np.isfinite(log.speed_rad_s), log.speed_rad_s, _MISSING)
 
 
 def _further(logs: Sequence[WheelLog]) -> dict[str, Any]:

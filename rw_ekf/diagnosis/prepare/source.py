@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Complex128Array, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.acting_temperature import acting_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import running_time
@@ -24,9 +23,8 @@ from rw_ekf.diagnosis.thresholds import (
     OUTLIERS_AT_EDGES,
     SAME_ROWS,
 )
-from rw_ekf.errors import LogError
 from rw_ekf.identify.record_scale import noise_beside_motion, rough_parameters
-from rw_ekf.logs.joined import joined
+from rw_ekf.logs.joined import joined, refuse_twice
 from rw_ekf.logs.mending import mended
 from rw_ekf.logs.sampling import evenly_stamped, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
@@ -34,7 +32,6 @@ from rw_ekf.model.law import MOST_COLUMNS
 
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
 _LEAST_LOGGED, _LEAST_VALUES = 0.5, 8  # of a column that a law may be a function of
-_MISSING = 1.0e300  # in place of a speed, where rows are compared
 _SETTLING_TIMES = 15.0  # as long may be judged of a machine that settles fast: 16 healthy motors of 20 are adequate
 
 
@@ -76,7 +73,7 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
 
     Raises LogError for wild values, and for a log that is given twice.
     """
-    _refuse_twice(logs)
+    refuse_twice(logs, SAME_ROWS)
     logs = [evenly_stamped(log) for log in logs]
     seen = [sampling_of(log) for log in logs]
     whole = joined([mended(log, sampling) for log, sampling in zip(logs, seen, strict=True)])
@@ -120,22 +117,6 @@ def _moves(values: Float64Array | None) -> bool:
     known = values[np.isfinite(values)]
     steps = np.diff(known)
     return bool(np.unique(known).size >= _LEAST_VALUES and (steps > 0.0).any() and (steps < 0.0).any())
-
-
-def _refuse_twice(logs: Sequence[WheelLog]) -> None:
-    """Raise LogError where nearly all rows of a log are rows of another: what it says would count twice."""
-    for one, other in combinations(logs, 2):
-        shared, least = int(np.isin(_rows(other), _rows(one)).sum()), min(len(one), len(other))
-        if least >= LEAST_READINGS and shared >= SAME_ROWS * least:
-            raise LogError(
-                f"{other.name}: {shared} of its {len(other)} rows are rows of {one.name}, time and speed: what they "
-                "say would count twice; name one of the two"
-            )
-
-
-def _rows(log: WheelLog) -> Complex128Array:
-    """Time and speed of each row as one number that can be sorted; a missing speed is like any other."""
-    return log.time_s + 1j * np.where(np.isfinite(log.speed_rad_s), log.speed_rad_s, _MISSING)
 
 
 def _with_running_time(log: WheelLog) -> WheelLog:
