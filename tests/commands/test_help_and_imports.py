@@ -169,6 +169,24 @@ def threads_for_linear_algebra(first: str, environment: dict[str, str]) -> str:
     ).stdout.strip()
 
 
+def test_calls_that_overlap_in_threads_give_back_the_threads_they_found() -> None:
+    """The one that began first ends first; what numpy had comes back when the last one ends, and not before."""
+    code = (
+        "import threading, scipy.linalg\n"
+        "from rw_ekf.one_thread import one_thread\n"
+        "from threadpoolctl import threadpool_info, threadpool_limits\n"
+        "threadpool_limits(limits=2, user_api='blas')\n"
+        "def threads(): return {p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas'}\n"
+        "first, second = one_thread(), one_thread()\n"
+        "first.__enter__()\n"
+        "other = threading.Thread(target=second.__enter__); other.start(); other.join()\n"
+        "first.__exit__(None, None, None)\nassert threads() == {1}\n"
+        "with one_thread(), one_thread(): assert threads() == {1}\n"
+        "second.__exit__(None, None, None)\nassert threads() == {2}"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
 def test_a_command_has_one_thread_for_linear_algebra() -> None:
     """A verb leaves one thread (decision 0005); what was set outside stays."""
     verb = "from rw_ekf.cli import main\ntry: main(['check-config', 'nothing'])\nexcept SystemExit: pass"
