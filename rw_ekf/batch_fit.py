@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from rw_ekf.checking.choices import FitMethod, chosen
 from rw_ekf.course.conditions import of_lost_temperature, with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.documents import FIT_SCHEMA, effects_document, effects_text, inertia_document, physical, torques_text
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
     from rw_ekf.wheel.model_file import WheelModel
     from rw_ekf.wheel.wheel_tag import WheelTag
 
-Method = Literal["least-squares", "deterministic"]
 _LEAST_READINGS = 10
 
 
@@ -56,7 +56,7 @@ class Fit(Shown):
 
     log: str  # path it was read from
     samples: int
-    method: Method
+    method: FitMethod
     belief: Belief
     setup: FilterSetup
     reports: tuple[ParameterReport, ...]
@@ -153,16 +153,17 @@ def fit_record(
     configuration: Configuration | None = None,
     prior: WheelModel | None = None,
     *,
-    method: Method = "least-squares",
+    method: FitMethod = "least-squares",
     with_noise: bool = False,
     wheel: WheelTag | None = None,
     advance: Callable[[], object] = lambda: None,
 ) -> Fit:
     """Fit a log. prior: the a priori, its effects are fitted too; wheel: whose log it is; advance: told of each step.
 
-    Raises LogError for a log with too few speeds, BadInputError for a prior with which the filter runs away,
-    FilterError where nothing can be fitted.
+    Raises LogError for a log with too few speeds, BadInputError for a prior with which the filter runs away and for a
+    method that there is not, FilterError where nothing can be fitted.
     """
+    chosen("method", method, get_args(FitMethod))
     ignored: list[str] = []
     if prior is not None and prior.effects.terms and method == "deterministic":
         named = ", ".join(prior.effects.ids)
@@ -222,7 +223,7 @@ def _refusal(model: WheelModel, misread: tuple[str, ...]) -> str | None:
 
 
 def _fit(
-    method: Method, course: Course, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
+    method: FitMethod, course: Course, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
 ) -> tuple[Any, NoisePosterior, dict[str, Any], list[str]]:
     """Belief, noises, what is worth knowing of how it was reached, warnings."""
     if method == "deterministic":

@@ -6,22 +6,30 @@ nothing is printed, and nothing ends the program.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
 
 from rw_ekf.attitude_bench.held import Bench, hold_bench
 from rw_ekf.attitude_bench.prepare import scenario_of, schemes_of
-from rw_ekf.batch_fit import Fit, Method, fit_record
+from rw_ekf.batch_fit import Fit, fit_record
+from rw_ekf.checking.arguments import arguments
+from rw_ekf.checking.choices import FitMethod, SplitKind
 from rw_ekf.checking.effect_file import read_effect_file
+from rw_ekf.checking.section import Section
+from rw_ekf.checking.wording import suggestion
 from rw_ekf.compared import Comparison, compared
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.prepare.split import Kind
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.effects.catalogue import CATALOGUE_IDS
 from rw_ekf.effects.own_effect import effect_of
+from rw_ekf.errors import FilterError
 from rw_ekf.errors import RwEkfError as Error
 from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.constants import filter_constants
@@ -108,7 +116,7 @@ def fit(
     prior: HasModel | str | Path | None = None,
     noise: bool = False,
     *,
-    method: Method = "least-squares",
+    method: FitMethod = "least-squares",
     configuration: Configuration | str | Path | None = None,
 ) -> Fit:
     """Fit the parameters to a whole log, or to several of one wheel, and the effects of the prior.
@@ -126,7 +134,7 @@ def diagnose(
     logs: Log | str | Path | Sequence[Log | str | Path],
     model: HasModel | str | Path | None = None,
     *,
-    split: Kind = "blocks",
+    split: SplitKind = "blocks",
     configuration: Configuration | str | Path | None = None,
     effect_file: str | Path | None = None,
     progress: Progress = False,
@@ -147,9 +155,9 @@ def diagnose(
 def bench(
     model: HasModel | str | Path | None = None,
     *,
-    schemes: Sequence[str] | None = None,
+    schemes: Sequence[str] | str | None = None,
     seeds: int = 1,
-    effects: Sequence[str] = (),
+    effects: Sequence[str] | str = (),
     scenario: str | Path | None = None,
     robustness: bool = False,
     spikes: bool = False,
@@ -181,6 +189,24 @@ def compare(
     return compared(_held(first), _held(second), None if on is None else _log(on))
 
 
+_ValueAndStd = tuple[float, Annotated[float, Field(gt=0.0)]]
+
+
+class _OwnLoop(Section):
+    """What an `Estimator` is given beside a model."""
+
+    speed_noise_rpm: float = Field(gt=0, le=1e4, description="standard deviation of one speed reading [rpm]")
+    acceleration_noise_rpm_per_sqrt_s: float = Field(ge=0, le=1e4, description="random walk of the speed [rpm/sqrt(s)]")
+    period_s: float = Field(gt=0, description="usual time between two steps [s]")
+    motor_gain: _ValueAndStd | None = Field(None, strict=False, description="value and std [rad/s^2/A]")
+    viscous: _ValueAndStd | None = Field(None, strict=False, description="value and std [1/s]")
+    coulomb: _ValueAndStd | None = Field(None, strict=False, description="value and std [rad/s^2]")
+    static: _ValueAndStd | None = Field(None, strict=False, description="value and std [rad/s^2]")
+
+
+_CONDITIONS = ("temperature_degC", "pressure_Pa", "bus_voltage_V", "angle_rad", "segment")  # that a step may be told
+
+
 class Estimator:
     """The daemon's filter, for a loop of one's own: `step` with each reading."""
 
@@ -198,8 +224,13 @@ class Estimator:
         priors: motor_gain, viscous, coulomb, static as (value, standard deviation), in place of either's. period_s:
         usual time between two steps; a gap is never shorter than five of it. Raises Error.
         """
-        noise = rad_s_from_rpm(speed_noise_rpm)
-        torque_noise = rad_s_from_rpm(acceleration_noise_rpm_per_sqrt_s)
+        numbers: dict[str, Any] = {
+            "speed_noise_rpm": speed_noise_rpm, "period_s": period_s,
+            "acceleration_noise_rpm_per_sqrt_s": acceleration_noise_rpm_per_sqrt_s,
+        }  # fmt: skip
+        given = arguments(_OwnLoop, numbers | priors, "Estimator")
+        noise, period_s = rad_s_from_rpm(given.speed_noise_rpm), given.period_s
+        torque_noise = rad_s_from_rpm(given.acceleration_noise_rpm_per_sqrt_s)
         known = _model(model)
         if known is None:
             belief, effects, drift = DEFAULT_PRIOR, None, None
@@ -210,10 +241,7 @@ class Estimator:
         else:
             setup = setup_of_model(known, noise, torque_noise, period_s)
             constants, belief, effects, drift = setup.constants, setup.prior, setup.effects, setup.effect_drift
-        try:
-            belief = with_prior_table(belief, priors)
-        except (KeyError, ValueError) as error:
-            raise Error(f"a prior is one of motor_gain, viscous, coulomb, static = (value, std): {error}") from None
+        belief = with_prior_table(belief, {name: getattr(given, name) for name in priors if getattr(given, name)})
         more = {} if effects is None else {"effects": effects, "drift": drift}
         self._filter = Filter(constants, belief.mean, belief.covariance, **more)  # type: ignore[arg-type]
 
@@ -221,9 +249,19 @@ class Estimator:
         """Take a reading, and the current that is in force from then on; returns what is believed at the reading.
 
         speed_rad_s: None or NaN where there was none. conditions: temperature_degC, angle_rad, for effects that need
-        them; segment, another whole number where the time has begun anew. Raises Error for what is no number.
+        them; segment, another whole number where the time has begun anew. Raises Error for what is no number, and has
+        then taken nothing.
         """
-        estimate = self._filter.step(WheelSample(time_s, speed_rad_s, **conditions))  # type: ignore[arg-type]
+        unknown = next((name for name in conditions if name not in _CONDITIONS), None)
+        if unknown is not None:
+            raise Error(f"step: unknown condition {unknown}; {suggestion(unknown, _CONDITIONS)}")
+        time_s, current_A = _finite("time_s", time_s), _finite("current_A", current_A)
+        told = {name: _finite_or_none(name, value) for name, value in conditions.items()}
+        segment = told.pop("segment", 0)
+        if segment is None or segment % 1:
+            raise Error(f"step: segment is {conditions['segment']!r}: a whole number is wanted")
+        sample = WheelSample(time_s, _finite_or_none("speed_rad_s", speed_rad_s), **told, segment=int(segment))  # type: ignore[arg-type]
+        estimate = self._filter.step(sample)
         self._filter.command_issued(IssuedCommand(current_A))
         return estimate
 
@@ -231,6 +269,22 @@ class Estimator:
     def findings(self) -> list[str]:
         """What had to be reset so far, and why, in sentences."""
         return self._filter.findings
+
+
+def _finite(name: str, value: Any, wanted: str = "a finite number") -> float:
+    """A number that a step was given. Raises FilterError for what is none."""
+    try:
+        if math.isfinite(value):
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise FilterError(f"step: {name} is {value!r}: give {wanted}")
+
+
+def _finite_or_none(name: str, value: Any) -> float | None:
+    """The same of what may be missing: None, NaN, or masked."""
+    missing = value is None or value is np.ma.masked or (isinstance(value, float) and math.isnan(value))
+    return None if missing else _finite(name, value, "a finite number, or None where there was none")
 
 
 @contextmanager

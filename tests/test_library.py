@@ -8,12 +8,14 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import rw_ekf
 from rw_ekf.cli import main
+from rw_ekf.model.state import PARAMETER_NAMES
 from tests.live.bench import ROOT
 
 PUBLIC = [
@@ -116,7 +118,7 @@ def test_an_own_loop_is_the_replay_of_its_log(log: rw_ekf.Log, tmp_path: Path) -
     assert estimate.mean.speed_rad_s == pytest.approx(run.columns["speed_rad_s"][-1], rel=1e-3)  # type: ignore[index]
     assert 0.9 < estimate.std.coulomb / run.columns["std_coulomb"][-1] < 1.1  # type: ignore[index]
     assert estimate.friction_torque_rad_s2(30.0).std > 0.0
-    with pytest.raises(rw_ekf.Error, match="a prior is one of"):
+    with pytest.raises(rw_ekf.Error, match="unknown key gain"):
         rw_ekf.Estimator(gain=(1.0, 1.0))
 
 
@@ -190,6 +192,85 @@ def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
         with pytest.raises(rw_ekf.Error, match=match):
             call()
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("function", "given", "words"),
+    [
+        ("fit", {"method": "ols"}, "method: invalid choice: 'ols' .choose from 'least-squares', "),
+        ("diagnose", {"split": "thirds"}, "split: invalid choice: 'thirds' .choose from 'blocks', "),
+        ("bench", {"seeds": 0}, "seeds: 0 is no whole number from 1 to 1000"),
+        ("bench", {"seeds": 1.5}, "seeds: 1.5 is no whole number"),
+        ("bench", {"schemes": []}, "schemes: none is named; there are pid_current"),
+        ("bench", {"schemes": [3]}, "schemes: names are wanted, in a list; found int 3"),
+        ("bench", {"effects": "foo"}, "unknown effect 'foo' in 'foo'"),
+        ("simulate", {"effects": [3]}, "effects: names are wanted, in a list; found int 3"),
+        ("simulate", {"effects": "foo"}, "unknown effect 'foo' in 'foo'"),
+        ("simulate", {"effects": "cubic_drag:coefficient_s_rad2=1e9"}, "beyond all numbers"),
+        ("simulate", {"seed": -1}, "seed must be at least 0, found -1"),
+        ("simulate", {"seed": 1.5}, "seed must be a whole number, found 1.5"),
+        ("simulate", {"duration_s": "10s"}, "duration_s must be a number, found the text '10s'"),
+        ("simulate", {"duration_s": 1e12}, "1e.12 s at 10 Hz are no log"),
+        ("simulate", {"speed_noise_rpm": np.nan}, "speed_noise_rpm must be a finite number"),
+        ("simulate", {"stribeck_speed_rpm": 0}, "stribeck_speed_rpm must be above 0, found 0"),
+        ("simulate", {"amplitude_A": "a"}, "amplitude_A must be a number"),
+        ("simulate", {"foo": 1}, "unknown key foo"),
+        ("simulate", {"wheel": "x"}, "a wheel is its motor_gain, .* found str"),
+        ("simulate", {"wheel": (15.0, -1.0, 0.5, 0.6)}, "wheel: viscous must be at least 0"),
+        ("Estimator", {"speed_noise_rpm": 0}, "Estimator: speed_noise_rpm must be above 0, found 0"),
+        ("Estimator", {"acceleration_noise_rpm_per_sqrt_s": -1}, "must be at least 0, found -1"),
+        ("Estimator", {"period_s": np.inf}, "period_s must be a finite number"),
+        ("Estimator", {"coulomb": 0.6}, "coulomb must be a list, found 0.6 .value and std"),
+        ("Estimator", {"coulomb": (0.6, -0.1)}, "coulomb.1 must be above 0, found -0.1"),
+        ("Estimator", {"coulomb": (np.nan, 0.1)}, "coulomb.0 must be a finite number"),
+        ("Estimator", {"speed_rad_s": (1.0, 2.0)}, "unknown key speed_rad_s"),
+    ],
+)  # fmt: skip
+def test_an_argument_that_cannot_be_is_refused_before_any_work(
+    log: rw_ekf.Log, function: str, given: dict[str, Any], words: str
+) -> None:
+    """By one sentence that names it; where the command has it too, by the command's."""
+    firsts: dict[str, list[object]] = {"fit": [log], "diagnose": [log], "simulate": ["P1"]}
+    with pytest.raises(rw_ekf.Error, match=words):
+        getattr(rw_ekf, function)(*firsts.get(function, []), **given)
+
+
+def test_a_name_or_a_wheel_may_be_given_in_more_than_one_form() -> None:
+    """One effect as a text, none as None; a wheel by name, in order, from numpy."""
+    short = {"profile": "P1", "duration_s": 20.0}
+    drag = rw_ekf.simulate(**short, effects="quadratic_drag").speed_rad_s  # type: ignore[arg-type]
+    assert np.array_equal(drag, rw_ekf.simulate(**short, effects=["quadratic_drag"]).speed_rad_s)  # type: ignore[arg-type]
+    numbers = (14.0, 0.003, 0.5, 0.6)
+    by_name = rw_ekf.simulate(**short, wheel=dict(zip(PARAMETER_NAMES, numbers, strict=True)), effects=None)  # type: ignore[arg-type]
+    in_order = rw_ekf.simulate(**short, wheel=numbers, seed=np.int64(0))  # type: ignore[arg-type]
+    assert np.array_equal(by_name.speed_rad_s, in_order.speed_rad_s)
+
+
+@pytest.mark.parametrize(
+    ("reading", "conditions", "words"),
+    [
+        ((np.nan, 1.0, 0.1), {}, "time_s is nan: give a finite number"),
+        ((None, 1.0, 0.1), {}, "time_s is None"),
+        ((0.3, "1", 0.1), {}, "speed_rad_s is '1': give a finite number, or None where there was none"),
+        ((0.3, np.inf, 0.1), {}, "speed_rad_s is inf"),
+        ((0.3, 1.0, np.nan), {}, "current_A is nan"),
+        ((0.3, 1.0, None), {}, "current_A is None"),
+        ((0.3, 1.0, 0.1), {"temperature_degC": "20"}, "temperature_degC is '20'"),
+        ((0.3, 1.0, 0.1), {"segment": 0.5}, "segment is 0.5: a whole number is wanted"),
+        ((0.3, 1.0, 0.1), {"temperature": 20.0}, "unknown condition temperature; did you mean 'temperature_degC'"),
+    ],
+)
+def test_a_step_that_is_refused_leaves_the_filter_as_it_was(
+    reading: tuple[Any, Any, Any], conditions: dict[str, Any], words: str
+) -> None:
+    """Whatever of it is no number, and the next reading is taken as if it had never been."""
+    one, other = rw_ekf.Estimator(), rw_ekf.Estimator()
+    for estimator in (one, other):
+        for time_s, speed in zip((0.0, 0.1, 0.2), [*np.ma.array([1.0, 9.0], mask=[False, True]), None], strict=True):
+            estimator.step(time_s, speed, 0.1)
+    with pytest.raises(rw_ekf.Error, match=words):
+        one.step(*reading, **conditions)
+    assert one.step(0.3, 1.2, 0.1).values == other.step(0.3, 1.2, 0.1).values
 
 
 def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ from rw_ekf.attitude_bench.contest_tables import Table, texts
 from rw_ekf.attitude_bench.robustness import Bearing
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.spike_answer import SpikeAnswer
+from rw_ekf.checking.choices import MOST_SEEDS, whole_number
+from rw_ekf.errors import BadInputError
 from rw_ekf.logs.tables import table_of
 from rw_ekf.shown import Shown
 
@@ -97,7 +99,14 @@ def hold_bench(
     with_spikes: bool = False,
     advance: Callable[[int], object] = lambda of: None,
 ) -> Bench:
-    """Run everything that is asked for, in processes of their own; advance(of) is called as each of so many is done."""
+    """Run everything that is asked for, in processes of their own; advance(of) is called as each of so many is done.
+
+    Raises BadInputError for seeds that are no number of wheels.
+    """
+    try:
+        seeds = whole_number(seeds, MOST_SEEDS)
+    except ValueError as error:
+        raise BadInputError(f"seeds: {error}") from None
     of = count_of_runs(schemes, scenario, seeds, with_robustness=with_robustness, with_spikes=with_spikes)
 
     def tick(_: int) -> None:

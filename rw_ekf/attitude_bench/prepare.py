@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
+from rw_ekf.checking.choices import names_of
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError
 from rw_ekf.model.effect import Term
@@ -84,21 +85,23 @@ def _text(scenario: Scenario, term: Term) -> str:
     return f"{term.id}:{written}"
 
 
-def schemes_of(wanted: Sequence[str] | None) -> list[str]:
+def schemes_of(wanted: Sequence[str] | str | None) -> list[str]:
     """The ids of the schemes, in the registry's order; None: the representative ones, "all": all.
 
     Raises BadInputError that lists what there is.
     """
+    wanted = REPRESENTATIVE if wanted is None else names_of("schemes", wanted)
     if wanted == ["all"]:
         return list(SCHEMES)
-    wanted = REPRESENTATIVE if wanted is None else wanted
+    if not wanted:
+        raise BadInputError(f"schemes: none is named; there are {', '.join(SCHEMES)}")
     for name in wanted:
         if name not in SCHEMES:
             raise BadInputError(f"--schemes {name}: there is no such scheme; there are {', '.join(SCHEMES)}")
     return [name for name in SCHEMES if name in wanted]
 
 
-def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequence[str]) -> Scenario:
+def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequence[str] | str | None) -> Scenario:
     """The scenario, with the wheel of a model where one is given, and the effects added to it.
 
     Raises ConfigError for a file that is wrong, BadInputError for an effect that is, or a wheel that never reverses.
@@ -108,8 +111,7 @@ def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequ
     scenario = Scenario() if path is None else load_scenario(str(path))
     if model is not None:
         scenario = with_wheel_of(scenario, model)
-    if effects:
-        scenario = scenario.changed("wheel", effects=(*scenario.wheel.effects, *effects))
+    scenario = scenario.changed("wheel", effects=(*scenario.wheel.effects, *names_of("effects", effects)))
     _: PlantParameters = drawn_wheel(scenario, 1)  # an effect that cannot be is found here, before any run
     reversal_s = scenario.reversal_s
     if reversal_s is None:

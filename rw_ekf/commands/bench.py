@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+from rw_ekf.checking.choices import MOST_SEEDS, whole_number
+
 HELP = "attitude bench: friction compensations side by side, over a wheel that reverses"
 EXAMPLE = """example:
   rw-ekf bench
@@ -13,7 +15,6 @@ EXAMPLE = """example:
   rw-ekf bench --effect offset_torque:torque_rad_s2=0.06 --seeds 3
 
 docs/compensation.md says when to use which; docs/bench.md has the keys of a scenario"""
-_MOST_SEEDS = 1000
 _SAMPLE_S = 4.5e-4  # processor time a sample of a run takes: 38 s for the 24 of 3500 that are run by default
 
 
@@ -42,9 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _seeds(text: str) -> int:
-    if not text.isdigit() or not 1 <= int(text) <= _MOST_SEEDS:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to {_MOST_SEEDS}")
-    return int(text)
+    try:
+        return whole_number(text, MOST_SEEDS)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def execute(args: argparse.Namespace) -> int:

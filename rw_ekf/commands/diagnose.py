@@ -6,7 +6,9 @@ import argparse
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
+from rw_ekf.checking.choices import SplitKind
 from rw_ekf.commands.answer import answer, drawn
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
@@ -46,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--split",
-        choices=("blocks", "halves"),
+        choices=get_args(SplitKind),
         default="blocks",
         help="what is held out: every other block (default), or the second half",
     )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import get_args
 
+from rw_ekf.checking.choices import FitMethod
 from rw_ekf.commands.answer import answer
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
@@ -32,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--method",
-        choices=("least-squares", "deterministic"),
+        choices=get_args(FitMethod),
         default="least-squares",
         help="least squares over everything (default), or coast-downs and driven stretches one by one",
     )

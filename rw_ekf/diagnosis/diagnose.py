@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
+from rw_ekf.checking.choices import SplitKind, chosen
 from rw_ekf.diagnosis.checks.confirmation import better_known
 from rw_ekf.diagnosis.checks.heldout import FIGURES, performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
@@ -19,7 +20,7 @@ from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
 from rw_ekf.diagnosis.investigate.widths import with_known_lag
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
-from rw_ekf.diagnosis.prepare.split import Kind, split_record
+from rw_ekf.diagnosis.prepare.split import split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA
@@ -41,7 +42,7 @@ def diagnose_log(
     configuration: Configuration | None = None,
     model: WheelModel | None = None,
     *,
-    split: Kind = "blocks",
+    split: SplitKind = "blocks",
     advance: Advance = lambda text: None,
     own: Sequence[type[Effect]] = (),
 ) -> Diagnosis:
@@ -53,6 +54,7 @@ def diagnose_log(
     BadInputError for one with which the filter runs away. own: effects beside the catalogue's, by formulas of a user's
     own; those of the model need not be named again. Raises ConfigError where two of one id differ.
     """
+    chosen("split", split, get_args(SplitKind))
     known = () if model is None else model.own_effects
     with with_own((*known, *own)):
         return _diagnosed(log, configuration, model, split, advance)
@@ -62,7 +64,7 @@ def _diagnosed(
     log: WheelLog | Sequence[WheelLog],
     configuration: Configuration | None,
     model: WheelModel | None,
-    split: Kind,
+    split: SplitKind,
     advance: Advance,
 ) -> Diagnosis:
     logs = [log] if isinstance(log, WheelLog) else log
@@ -126,7 +128,7 @@ def richer_part(prepared: Prepared) -> Prepared:
     return better_known(prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared, prepared.base)
 
 
-def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:
+def fit_told(log: WheelLog, effect_ids: list[str], *, split: SplitKind = "blocks") -> float | None:
     """Free-run error [rpm] on the held-out part of a fit that is told the effects; None if it cannot run."""
     source = source_of([log])
     if source.unfit is not None:
@@ -140,7 +142,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     return figure
 
 
-def _unjudged(source: Source, kind: Kind, why: str, advice: str | None = None) -> Diagnosis:
+def _unjudged(source: Source, kind: SplitKind, why: str, advice: str | None = None) -> Diagnosis:
     """The verdict for a log that cannot judge even the base model; advice: what to do, if not to excite the wheel."""
     log = source.log
     split = split_record(log.time_s, log.segment, log.speed_rad_s, kind, 0.0)

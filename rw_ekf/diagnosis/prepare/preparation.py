@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.checking.choices import SplitKind
 from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, is_logged, with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, said_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
-from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
+from rw_ekf.diagnosis.prepare.split import Split, reversals, split_record
 from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
 from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
@@ -114,7 +115,7 @@ class Prepared:
         return given
 
 
-def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
+def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: SplitKind) -> Prepared:
     """Fit the base model to the whole record. The source must not be `unfit`.
 
     Raises BadInputError for a model with which the filter runs away.

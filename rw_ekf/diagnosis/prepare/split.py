@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
-
-Kind = Literal["blocks", "halves"]
+from rw_ekf.checking.choices import SplitKind
 
 _LEAST_BLOCK_S = 40.0
 _SHORT_RECORD_S = 160.0
@@ -24,7 +23,7 @@ _MOST_SAMPLES = 25_000  # of each part: what a diagnosis can look at within its 
 class Split:
     """Stretches of time in turn: `block` numbers them; each is searched, held out, or not looked at."""
 
-    kind: Kind
+    kind: SplitKind
     fit: BoolArray  # (n,)
     heldout: BoolArray  # (n,)
     block: Int64Array  # (n,)
@@ -66,7 +65,7 @@ def split_record(
     time_s: Float64Array,
     segment: Int64Array,
     speed_rad_s: Float64Array,
-    kind: Kind,
+    kind: SplitKind,
     noise_rad_s: float,
     log_of: Int64Array | None = None,
 ) -> Split:
