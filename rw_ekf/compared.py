@@ -73,8 +73,9 @@ class Comparison(Shown):
             lines += [f"  only in the {which}: {', '.join(names)}"] if names else []
         if self.log_likelihoods is not None:
             first, second = self.log_likelihoods
-            better = "first" if first > second else "second"
-            lines.append(f"  {self.log}: the {better} is likelier, by {abs(first - second):.1f} in the logarithm")
+            apart = f"{abs(first - second):.1f}"
+            better = f"the {'first' if first > second else 'second'} is likelier, by {apart} in the logarithm"
+            lines.append(f"  {self.log}: {better if float(apart) else 'both are as likely'}")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -104,11 +105,14 @@ def log_likelihood(model: WheelModel, log: WheelLog) -> float:
     Raises BadInputError for a log of which the filter uses nothing.
     """
     course = course_for(without_repeats(log)[0], model)
+    unusable = BadInputError(f"{log.name}: the filter uses none of its readings: it can judge no model")
+    if not np.isfinite(course.speed_rad_s).any():
+        raise unusable
     setup = setup_of_record(course, None, model)
     run = filter_log(
         with_conditions(course), setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects,
         setup.effect_drift,
     )  # fmt: skip
     if not (run.outcome == decisions.UPDATED).any():
-        raise BadInputError(f"{log.name}: the filter uses none of its readings: it can judge no model")
+        raise unusable
     return log_density(run, setup.constants.gate)

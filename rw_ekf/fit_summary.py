@@ -92,7 +92,7 @@ class FitSummary(Shown):
 
     @property
     def free_run_percent(self) -> float:
-        """Share of the motion that a free run explains, 100 (1 - |y - y_run| / |y - mean y|)."""
+        """Share of the motion that a free run explains, 100 (1 - |y - y_run| / |y - mean y|); NaN if there is none."""
         return _percent(self.residual.measured_rad_s, self.residual.measured_rad_s - self.residual.free_run_rad_s)
 
     @property
@@ -140,13 +140,14 @@ class FitSummary(Shown):
             relative = f"{100.0 * std / abs(value):.2g} %" if value else "-"
             with_others = "  ".join(f"{self.correlation[i, j]:+.2f}" for j in range(i + 1))
             lines.append(f"  {name:<{width}}  {told:<32}  {relative:>7}  {with_others}")
-        lines.append(f"  fit: free run {self.free_run_percent:.2f} %, one step ahead {self.one_step_percent:.2f} %")
+        free_run, one_step = map(_or_dash, (self.free_run_percent, self.one_step_percent))
+        lines.append(f"  fit: free run {free_run} %, one step ahead {one_step} %")
         lines.append(f"  ln L {self.residual.log_likelihood:.1f}, AIC {self.aic:.1f}, BIC {self.bic:.1f}")
         outside = int(np.sum(np.abs(self.autocorrelation) > self.white_band))
         p = ljung_box_p(self.autocorrelation, self.readings)
         lines.append(
             f"  residual: {outside} of {self.autocorrelation.size} autocorrelations outside +-{self.white_band:.3f}, "
-            f"Ljung-Box p = {p:.2g}"
+            f"Ljung-Box p = {_or_dash(p, '.2g')}"
         )
         for i, j in combinations(range(len(self.numbers)), 2):
             if abs(self.correlation[i, j]) > _ENTANGLED:
@@ -158,7 +159,7 @@ class FitSummary(Shown):
         return self.text()
 
     def __repr__(self) -> str:
-        return f"FitSummary({self.log!r}, free run {self.free_run_percent:.2f} %, AIC {self.aic:.1f})"
+        return f"FitSummary({self.log!r}, free run {_or_dash(self.free_run_percent)} %, AIC {self.aic:.1f})"
 
 
 def summary_of(log: str, model: WheelModel, reports: Sequence[ParameterReport], residual: Residual) -> FitSummary:
@@ -199,7 +200,12 @@ def _free_run(loss: FreeRunLoss, values: Float64Array) -> Float64Array:
     return loss.at(values, from_readings.omega_0 + np.array(steps)).simulated
 
 
+def _or_dash(value: float, form: str = ".2f") -> str:
+    """A number of a log in which something moves."""
+    return "-" if math.isnan(value) else format(value, form)
+
+
 def _percent(measured: Float64Array, missed: Float64Array) -> float:
     both = np.isfinite(measured) & np.isfinite(missed)
-    moved = measured[both] - measured[both].mean()
-    return float(100.0 * (1.0 - np.linalg.norm(missed[both]) / np.linalg.norm(moved)))
+    moved = float(np.linalg.norm(measured[both] - measured[both].mean()))
+    return 100.0 * (1.0 - float(np.linalg.norm(missed[both])) / moved) if moved > 0.0 else math.nan

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.identify.misread import Motion, motion_of, warnings_of
 from rw_ekf.logs.atomic import write_text
@@ -105,7 +106,7 @@ def guessed_columns(
 ) -> GuessedColumns:
     """Guess the map of a log. given: how it is laid out, in a map without columns. Raises LogError, ConfigError."""
     layout = map_of(given)
-    table = read_table(Path(path), layout)
+    table = read_table(path_of(path, "a log"), layout)
     guess = guess_columns(table, dict(answers), layout)
     warnings = tuple(table.warnings)
     if not guess.is_certain:

@@ -6,6 +6,8 @@ import json
 import math
 import sys
 from collections.abc import Mapping
+from datetime import date, time, timedelta
+from decimal import Decimal
 from typing import Any
 
 
@@ -21,11 +23,15 @@ def json_text(document: Mapping[str, Any]) -> str:
 
 
 def finite(value: Any) -> Any:
-    """Return a copy in which every NaN or infinity is None."""
+    """Return a copy in which every NaN or infinity is None, dates are texts, and durations seconds."""
     if isinstance(value, Mapping):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [finite(item) for item in value]
-    if isinstance(value, float):
+    if isinstance(value, float | Decimal):
         return float(value) if math.isfinite(value) else None
-    return value
+    if isinstance(value, timedelta):
+        return value.total_seconds()
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    return value.isoformat() if isinstance(value, date | time) else value

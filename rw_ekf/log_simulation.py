@@ -12,6 +12,7 @@ from rw_ekf.attach.simulated import simulated_plant, simulated_record, with_own_
 from rw_ekf.checking.arguments import arguments
 from rw_ekf.checking.choices import names_of
 from rw_ekf.checking.effect_file import read_effect_file
+from rw_ekf.checking.paths import path_of
 from rw_ekf.checking.section import Section
 from rw_ekf.control.profiles import make_profile
 from rw_ekf.effects.catalogue import CATALOGUE_IDS
@@ -79,7 +80,7 @@ def simulate(
     if not 1.0 <= lasts_s * rate_hz <= _MOST_ROWS:
         raise BadInputError(f"{lasts_s:g} s at {rate_hz:g} Hz are no log: give 1 to {_MOST_ROWS:g} samples")
     times_s = np.arange(round(lasts_s * rate_hz)) / rate_hz
-    formulas = [] if effect_file is None else read_effect_file(effect_file, CATALOGUE_IDS)
+    formulas = [] if effect_file is None else read_effect_file(path_of(effect_file, "an effect file"), CATALOGUE_IDS)
     rest, options, _ = with_own_formulas(names_of("effects", effects), formulas, compiled=True)
     run = simulated_record(
         simulated_plant(parameters, rad_s_from_rpm(stribeck_speed_rpm), rest),

@@ -7,11 +7,12 @@ nothing is printed, and nothing ends the program.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, ValuesView
 from contextlib import contextmanager
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -22,6 +23,7 @@ from rw_ekf.batch_fit import Fit, fit_record
 from rw_ekf.checking.arguments import arguments
 from rw_ekf.checking.choices import FitMethod, SplitKind
 from rw_ekf.checking.effect_file import read_effect_file
+from rw_ekf.checking.paths import path_of
 from rw_ekf.checking.section import Section
 from rw_ekf.checking.wording import suggestion
 from rw_ekf.compared import Comparison, compared
@@ -37,7 +39,7 @@ from rw_ekf.filter.estimator import Estimator as Filter
 from rw_ekf.foreign_columns import GuessedColumns, doubted, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
-from rw_ekf.log_simulation import simulate
+from rw_ekf.log_simulation import simulate as simulated
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.excerpt import read_log_or_excerpt
 from rw_ekf.logs.joined import one_log
@@ -45,12 +47,10 @@ from rw_ekf.logs.reader import map_of, read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.one_thread import one_thread
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
+from rw_ekf.settings.schema import Configuration
 from rw_ekf.starting_point import setup_of_model
 from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.wheel.model_file import WheelModel as Model
-
-if TYPE_CHECKING:
-    from rw_ekf.settings.schema import Configuration
 
 __all__ = [
     "Bench", "Comparison", "Diagnosis", "Error", "Estimate", "Estimator",
@@ -59,7 +59,17 @@ __all__ = [
 ]  # fmt: skip
 
 HasModel = Model | Fit | Diagnosis | Run
-Progress = bool | Callable[[str], object]
+Progress = bool | Callable[[str], object] | None
+
+
+_NUMPY_USUAL: Any = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """One thread for linear algebra, and numpy's usual way with overflows, whatever else the program asked of it."""
+    with one_thread(), np.errstate(**_NUMPY_USUAL):
+        yield
 
 
 def read(
@@ -79,7 +89,8 @@ def read(
     taken = columns.column_map if isinstance(columns, GuessedColumns) else columns
     if wheel is not None:
         taken = replace(map_of(taken), wheel=str(wheel))
-    log = read_log(source, taken) if isinstance(source, str | Path) else read_columns(source, taken)
+    of_file = isinstance(source, str | PathLike)
+    log = read_log(path_of(source, "a log"), taken) if of_file else read_columns(source, taken)
     guessed = columns is None and any(source.column != name for name, source in log.sources.items())
     return doubted(log) if guessed else log
 
@@ -94,7 +105,10 @@ def guess_columns(path: str | Path, columns: str | Path | ColumnMap | None = Non
     return guessed_columns(path, told, columns)
 
 
-@one_thread()
+simulate = _undisturbed()(simulated)
+
+
+@_undisturbed()
 def replay(
     log: Log | str | Path,
     model: HasModel | str | Path | None = None,
@@ -110,7 +124,7 @@ def replay(
     return replay_log(_log(log), given, _model(model, given), with_columns=True, smooth=smooth)
 
 
-@one_thread()
+@_undisturbed()
 def fit(
     logs: Log | str | Path | Sequence[Log | str | Path],
     prior: HasModel | str | Path | None = None,
@@ -129,7 +143,7 @@ def fit(
     )
 
 
-@one_thread()
+@_undisturbed()
 def diagnose(
     logs: Log | str | Path | Sequence[Log | str | Path],
     model: HasModel | str | Path | None = None,
@@ -144,14 +158,15 @@ def diagnose(
     effect_file: of formulas of one's own, judged beside the catalogue. progress: True for a bar on a terminal, or what
     is told of each step in words. Raises Error.
     """
-    formulas = [] if effect_file is None else read_effect_file(effect_file, CATALOGUE_IDS)
+    formulas = [] if effect_file is None else read_effect_file(path_of(effect_file, "an effect file"), CATALOGUE_IDS)
     given = _configuration(configuration)
     own = [effect_of(formula) for formula in formulas]
     with _told(progress, "diagnose") as tell:
-        held = [read_log_or_excerpt(log) if isinstance(log, str | Path) else _log(log) for log in _several(logs)]
+        held = [read_log_or_excerpt(log) if isinstance(log, str | PathLike) else _log(log) for log in _several(logs)]
         return diagnose_log(held, given, _model(model, given), split=split, advance=tell, own=own)
 
 
+@np.errstate(**_NUMPY_USUAL)
 def bench(
     model: HasModel | str | Path | None = None,
     *,
@@ -178,7 +193,7 @@ def bench(
         )  # fmt: skip
 
 
-@one_thread()
+@_undisturbed()
 def compare(
     first: HasModel | str | Path, second: HasModel | str | Path, on: Log | str | Path | None = None
 ) -> Comparison:
@@ -245,6 +260,7 @@ class Estimator:
         more = {} if effects is None else {"effects": effects, "drift": drift}
         self._filter = Filter(constants, belief.mean, belief.covariance, **more)  # type: ignore[arg-type]
 
+    @np.errstate(**_NUMPY_USUAL)
     def step(self, time_s: float, speed_rad_s: float | None, current_A: float, **conditions: float) -> Estimate:
         """Take a reading, and the current that is in force from then on; returns what is believed at the reading.
 
@@ -289,11 +305,13 @@ def _finite_or_none(name: str, value: Any) -> float | None:
 
 @contextmanager
 def _told(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
-    """Who is told of each step in words."""
-    if not isinstance(progress, bool):
+    """Who is told of each step in words. Raises Error for what cannot be told."""
+    if callable(progress):
         yield progress
-    elif not progress:
+    elif progress is None or progress is False:
         yield lambda text: None
+    elif progress is not True:
+        raise Error(f"progress: True, False or a function of a text is wanted; found {progress!r}")
     else:
         from rw_ekf.console import progress as shown
 
@@ -307,11 +325,12 @@ def _told(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
 
 
 def _several(logs: Log | str | Path | Sequence[Log | str | Path]) -> list[Log | str | Path]:
-    return list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
+    several = isinstance(logs, Sequence | Iterator | ValuesView) and not isinstance(logs, str | bytes)
+    return list(logs) if several else [logs]  # type: ignore[arg-type, list-item]
 
 
 def _log(given: Log | str | Path) -> Log:
-    if isinstance(given, str | Path):
+    if isinstance(given, str | PathLike):
         return read_log(given)
     if not isinstance(given, Log):
         raise Error(f"a log is wanted, or the path of one; found {type(given).__name__}: `read` makes a log of a table")
@@ -319,11 +338,11 @@ def _log(given: Log | str | Path) -> Log:
 
 
 def _configuration(given: Configuration | str | Path | None) -> Configuration | None:
-    if not isinstance(given, str | Path):
+    if given is None or isinstance(given, Configuration):
         return given
     from rw_ekf.settings.load import load_configuration
 
-    return load_configuration(given)
+    return load_configuration(path_of(given, "a configuration"))
 
 
 def _model(given: HasModel | str | Path | None, configuration: Configuration | None = None) -> Model | None:
@@ -334,7 +353,7 @@ def _model(given: HasModel | str | Path | None, configuration: Configuration | N
 
 def _held(given: HasModel | str | Path) -> Model:
     """A model, that of a result, or of a file. Raises Error where a diagnosis has none."""
-    if isinstance(given, str | Path):
+    if isinstance(given, str | PathLike):
         return Model.load(given)
     if not hasattr(given, "model") and not isinstance(given, Model):
         raise Error(f"a model is wanted, what holds one, or the path of one; found {type(given).__name__}")

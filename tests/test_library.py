@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -217,6 +218,15 @@ def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
         ("simulate", {"foo": 1}, "unknown key foo"),
         ("simulate", {"wheel": "x"}, "a wheel is its motor_gain, .* found str"),
         ("simulate", {"wheel": (15.0, -1.0, 0.5, 0.6)}, "wheel: viscous must be at least 0"),
+        ("read", {"source": "x" * 300 + ".csv"}, "304 characters that are no path: a log is wanted, by its path"),
+        ("read", {"source": "time_s,speed\n0,1\n"}, "'time_s,speed.n0,1.n': 17 characters that are no path"),
+        ("read", {"source": "https://a.b/c.csv"}, "^https://a.b/c.csv: is an address"),
+        ("read", {"source": {"t": [0.0]}, "columns": {"time_s": "t"}}, "a column map is wanted, by its path"),
+        ("guess_columns", {"path": {"t": [0.0]}}, "a log is wanted, by its path; found dict"),
+        ("fit", {"configuration": {}}, "a configuration is wanted, by its path; found dict"),
+        ("fit", {"logs": b"x.csv"}, "a log is wanted, or the path of one; found bytes"),
+        ("diagnose", {"effect_file": {}}, "an effect file is wanted, by its path; found dict"),
+        ("diagnose", {"progress": 3}, "progress: True, False or a function of a text is wanted; found 3"),
         ("Estimator", {"speed_noise_rpm": 0}, "Estimator: speed_noise_rpm must be above 0, found 0"),
         ("Estimator", {"acceleration_noise_rpm_per_sqrt_s": -1}, "must be at least 0, found -1"),
         ("Estimator", {"period_s": np.inf}, "period_s must be a finite number"),
@@ -232,7 +242,42 @@ def test_an_argument_that_cannot_be_is_refused_before_any_work(
     """By one sentence that names it; where the command has it too, by the command's."""
     firsts: dict[str, list[object]] = {"fit": [log], "diagnose": [log], "simulate": ["P1"]}
     with pytest.raises(rw_ekf.Error, match=words):
-        getattr(rw_ekf, function)(*firsts.get(function, []), **given)
+        getattr(rw_ekf, function)(*(() if "logs" in given else firsts.get(function, [])), **given)
+
+
+def test_results_are_written_by_a_path_or_not_at_all(log: rw_ekf.Log) -> None:
+    """What is none, and a name that no file can have."""
+    model = rw_ekf.fit(log).model
+    assert model in {model}
+    for call in (log.save, model.save, rw_ekf.Model.load):
+        with pytest.raises(rw_ekf.Error, match="304 characters that are no path"):
+            call("y" * 300 + ".csv")
+    for load in (model.save, rw_ekf.Model.load):
+        with pytest.raises(rw_ekf.Error, match="by its path; found NoneType"):
+            load(None)  # type: ignore[arg-type]
+
+
+def test_what_a_program_asks_of_numpy_changes_nothing(log: rw_ekf.Log) -> None:
+    """An underflow is an error to some; here it is none."""
+    with np.errstate(all="raise"):
+        found, fit = rw_ekf.diagnose(log), rw_ekf.fit(log)
+        assert rw_ekf.compare(fit, fit, on=log).log_likelihoods
+        assert rw_ekf.replay(rw_ekf.simulate("P1", duration_s=20.0), fit).table.num_rows == 200
+        rw_ekf.Estimator(fit).step(0.0, 1.0e-200, 0.0)
+    assert found.to_json() == rw_ekf.diagnose(log).to_json()
+
+
+def test_a_log_in_which_nothing_moves_has_a_summary(log: rw_ekf.Log) -> None:
+    """And one without a speed judges no model, and is no model likelier than itself."""
+    still = rw_ekf.Log.from_arrays(log.time_s, speed_rad_s=0.0 * log.speed_rad_s, current_A=log.current_A)
+    text = rw_ekf.fit(still).summary().text()
+    assert "free run - %, one step ahead - %" in text
+    assert "nan" not in text
+    fit = rw_ekf.fit(log)
+    blind = replace(log, speed_rad_s=np.nan * log.speed_rad_s)
+    with pytest.raises(rw_ekf.Error, match="simulated P1: the filter uses none of its readings"):
+        rw_ekf.compare(fit, fit, on=blind)
+    assert rw_ekf.compare(fit, fit, on=log).text().endswith(": both are as likely")
 
 
 def test_a_name_or_a_wheel_may_be_given_in_more_than_one_form() -> None:

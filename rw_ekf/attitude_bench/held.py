@@ -16,6 +16,7 @@ from rw_ekf.attitude_bench.robustness import Bearing
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.spike_answer import SpikeAnswer
 from rw_ekf.checking.choices import MOST_SEEDS, whole_number
+from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.tables import table_of
 from rw_ekf.shown import Shown
@@ -69,7 +70,7 @@ class Bench(Shown):
 
     def report(self, directory: str | Path) -> list[Path]:
         """Write what `bench --out` leaves; returns the files. Raises what `write_page` raises."""
-        return write_page(Path(directory), self.contest, self.document(), self.headline, self._further())
+        return write_page(path_of(directory, "a folder"), self.contest, self.document(), self.headline, self._further())
 
     def __repr__(self) -> str:
         return f"Bench({self.headline!r})"

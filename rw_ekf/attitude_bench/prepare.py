@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
 from rw_ekf.checking.choices import names_of
+from rw_ekf.checking.paths import path_of
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError
 from rw_ekf.model.effect import Term
@@ -108,7 +109,7 @@ def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequ
     """
     from rw_ekf.attitude_bench.wheels import drawn_wheel
 
-    scenario = Scenario() if path is None else load_scenario(str(path))
+    scenario = Scenario() if path is None else load_scenario(path_of(path, "a scenario"))
     if model is not None:
         scenario = with_wheel_of(scenario, model)
     scenario = scenario.changed("wheel", effects=(*scenario.wheel.effects, *names_of("effects", effects)))

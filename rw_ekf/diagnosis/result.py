@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.checking.paths import path_of
 from rw_ekf.diagnosis.outcome import Outcome
 from rw_ekf.diagnosis.report.speed import speed_course, speed_figure
 from rw_ekf.diagnosis.report.text import diagnosis_text
@@ -33,7 +34,7 @@ class Diagnosis(Outcome, Shown):
         from rw_ekf.effects.catalogue import with_own
 
         with with_own(() if self.model is None else self.model.own_effects):
-            return write_report(Path(directory), self, options)
+            return write_report(path_of(directory, "a folder"), self, options)
 
     @property
     def verdict(self) -> dict[str, Any]:

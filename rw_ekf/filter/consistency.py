@@ -110,9 +110,9 @@ def consistency_of(innovation_rad_s: Float64Array, variance: Float64Array, used:
 
 
 def autocorrelation(z: Float64Array, lags: int) -> Float64Array:
-    """Of z (n,) about its mean at lags 1 to `lags`, (lags,)."""
+    """Of z (n,) about its mean at lags 1 to `lags`, (lags,); NaN where all are the same."""
     centred = z - z.mean()
-    power = float(centred @ centred)
+    power = float(centred @ centred) or math.nan
     return np.array([float(centred[:-m] @ centred[m:]) / power for m in range(1, lags + 1)])
 
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import BadInputError, reason_of
 
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -26,6 +27,7 @@ def atomic_path(path: str | Path, *, follow: bool = True) -> Iterator[Path]:
     follow: a symbolic link of one's own keeps pointing where it did, and a device or pipe (/dev/null) is written to
     directly; False replaces whatever stands there. Raises BadInputError if the place cannot be written.
     """
+    path = path_of(path)
     target = _followed(path) if follow else Path(os.path.abspath(path))
     if follow and is_special(Path(path)):
         yield Path(path)
@@ -64,6 +66,7 @@ def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
 
 def make_folder(path: Path, advice: str = "give another place") -> None:
     """Make a folder and those above it, where they are not there. Raises BadInputError where that cannot be."""
+    path = path_of(path, "a folder")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -72,7 +75,7 @@ def make_folder(path: Path, advice: str = "give another place") -> None:
 
 def is_special(path: Path) -> bool:
     """Whether a device or a pipe stands there, which has no suffix that says anything."""
-    return path.exists() and not path.is_file() and not path.is_dir()
+    return os.path.exists(path) and not path.is_file() and not path.is_dir()
 
 
 def _followed(path: str | Path) -> Path:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rw_ekf.arrays import Int64Array
+from rw_ekf.checking.paths import path_of
 from rw_ekf.logs import long_log
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.in_parts import UnsoundError
@@ -22,7 +23,7 @@ _STRETCHES = 32
 
 def read_log_or_excerpt(path: str | Path, columns: ColumnMap | None = None) -> WheelLog:
     """A log, or the stretches of one that is too long to be held, each a segment of its own. Raises as `read_log`."""
-    long = long_log_of(Path(path), columns or ColumnMap(), None)
+    long = long_log_of(path_of(path, "a log"), columns or ColumnMap(), None)
     if long is not None:
         try:
             return excerpt(long)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.assembly import Assembly
 from rw_ekf.logs.column_guess import needs_guess
@@ -36,7 +37,7 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
     A log of one row, or without a single speed, is an error only for who needs more: it is read, with a warning.
     """
     column_map = map_of(columns)
-    return _log_of_any(read_table(Path(path), column_map), column_map)
+    return _log_of_any(read_table(path_of(path, "a log"), column_map), column_map)
 
 
 def read_columns(source: Any, columns: ColumnMap | str | Path | None = None, name: str = "table") -> WheelLog:
@@ -62,7 +63,7 @@ def map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
         return ColumnMap()
     from rw_ekf.logs.column_map_file import load_column_map
 
-    return load_column_map(columns)
+    return load_column_map(path_of(columns, "a column map"))
 
 
 def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
@@ -96,7 +97,7 @@ def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
 
 def log_of_arrays(columns: Mapping[str, Any], name: str) -> WheelLog:
     """A log of columns in memory (name -> n values) of a log's own names. Raises LogError as `read_log`."""
-    return log_of_table(_table_of(columns, name), ColumnMap())
+    return log_of_table(_table_of(columns, str(name)), ColumnMap())
 
 
 def _table_of(columns: Mapping[str, Any], name: str) -> RawTable:

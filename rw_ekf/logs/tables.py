@@ -118,12 +118,19 @@ def table_of(columns: Mapping[str, Any]) -> pa.Table:
 
 
 def _write_csv(stream: BinaryIO, table: pa.Table, *, header: bool) -> None:
+    import pyarrow as pa
     import pyarrow.csv as pa_csv
 
+    table = pa.table({name: _written(column) for name, column in zip(table.column_names, table.columns, strict=True)})
     # Gaps in carried columns may stand as NaN, which readers take for a gap as well.
     if header:
         stream.write((",".join(map(cell, table.column_names)) + "\n").encode())
     pa_csv.write_csv(table, stream, pa_csv.WriteOptions(include_header=False, quoting_style="needed"))
+
+
+def _written(column: Any) -> Any:
+    """A column as CSV can hold it: lists and the like as text."""
+    return column if not column.type.num_fields else [None if v is None else str(v) for v in column.to_pylist()]
 
 
 def _write_matlab(stream: BinaryIO, table: pa.Table) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.paths import path_of
 from rw_ekf.checking.wording import shown
 from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.errors import ConfigError
@@ -44,7 +45,7 @@ class WheelModel:
     acceleration_noise: float | None = None  # rad/s per sqrt(s)
     dry_walk: float | None = None  # by which dry friction walks at random, rad/s^2 per sqrt(s)
     inertia_kg_m2: float | None = None
-    source: Mapping[str, Any] = field(default_factory=dict)  # method, log, samples: for people
+    source: Mapping[str, Any] = field(default_factory=dict, hash=False)  # method, log, samples: for people
     effects: EffectSet = NO_EFFECTS
     wheel: WheelTag | None = None  # None: nobody knows whose it is
     remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be said of the file it was read from
@@ -101,7 +102,7 @@ class WheelModel:
     @classmethod
     def load(cls, path: str | Path) -> WheelModel:
         """Read a model file. Raises ConfigError with file:line:column of everything that is wrong."""
-        return read_model(Path(path))
+        return read_model(path_of(path, "a model"))
 
     def save(self, path: str | Path) -> None:
         """Write a model file. Raises BadInputError if the place cannot be written."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -93,6 +95,22 @@ def test_durations_are_a_time(name: str, stamps: object) -> None:
     others = columns()
     others.pop("time_s")
     assert rw_ekf.read({name: stamps, **others}).time_s == pytest.approx(TIME_S)
+
+
+def test_a_log_with_columns_of_any_kind_is_written(tmp_path: Path) -> None:
+    """Dates, durations, decimals, bytes and lists, as JSON and as CSV."""
+    more = {
+        "when": np.full(N, np.datetime64("2026-01-02T03:04:05")),
+        "took": [timedelta(seconds=1.5)] * N,
+        "exact": pa.array(["1.25"] * N).cast(pa.decimal128(5, 2)),
+        "raw": [b"x"] * N,
+        "list": pa.array([[1, 2]] * N),
+    }
+    log = rw_ekf.read(columns(**more))
+    found = json.loads(log.to_json())["columns"]
+    assert [found[name][0] for name in more] == ["2026-01-02T03:04:05", 1.5, 1.25, "x", [1, 2]]
+    log.save(tmp_path / "log.csv")
+    assert rw_ekf.read(tmp_path / "log.csv").table["list"][0].as_py() == "[1, 2]"
 
 
 def test_words_that_are_no_numbers_stay_words() -> None:
