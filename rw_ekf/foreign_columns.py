@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_records import Guess, Line
 from rw_ekf.logs.map_text import comment, map_of_guess, map_text
-from rw_ekf.logs.reader import log_of_table, map_of, read_table
+from rw_ekf.logs.reader import log_of_table, map_of, read_table, table_in_memory
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.shown import Shown
 
@@ -65,6 +66,7 @@ class GuessedColumns(Shown):
             "doubts": list(self.doubts),
             "notes": [*self.guess.warnings, *self.guess.notes],
             "warnings": list(self.warnings),
+            "out": None,
         }
 
     def text(self) -> str:
@@ -101,12 +103,15 @@ def _said(line: Line) -> dict[str, object]:
     return {"name": line.name, "from": line.entry, "why": line.why}
 
 
-def guessed_columns(
-    path: str | Path, answers: Mapping[str, str], given: ColumnMap | str | Path | None
-) -> GuessedColumns:
-    """Guess the map of a log. given: how it is laid out, in a map without columns. Raises LogError, ConfigError."""
+def guessed_columns(source: Any, answers: Mapping[str, str], given: ColumnMap | str | Path | None) -> GuessedColumns:
+    """Guess the map of a log, by its path, or of a table in memory.
+
+    given: how it is laid out, in a map without columns. Raises LogError, ConfigError.
+    """
     layout = map_of(given)
-    table = read_table(path_of(path, "a log"), layout)
+    of_file = isinstance(source, str | PathLike)
+    table = read_table(path_of(source, "a log"), layout) if of_file else table_in_memory(source)
+    path = source if of_file else table.path
     guess = guess_columns(table, dict(answers), layout)
     warnings = tuple(table.warnings)
     if not guess.is_certain:

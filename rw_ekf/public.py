@@ -95,14 +95,14 @@ def read(
     return doubted(log) if guessed else log
 
 
-def guess_columns(path: str | Path, columns: str | Path | ColumnMap | None = None, **answers: object) -> GuessedColumns:
-    """Guess which column of a foreign log is what; what it cannot know, it asks.
+def guess_columns(source: Any, columns: str | Path | ColumnMap | None = None, **answers: object) -> GuessedColumns:
+    """Guess which column of a foreign log, or of a table, is what; what it cannot know, it asks.
 
     answers: `current=3`, `speed="n:rpm"`, or of a part, with two underscores, `current__unit="mA"`. columns: a map that
     says only how the file is laid out. Raises Error.
     """
     told = {name.replace("__", "."): "none" if value is None else str(value) for name, value in answers.items()}
-    return guessed_columns(path, told, columns)
+    return guessed_columns(source, told, columns)
 
 
 simulate = _undisturbed()(simulated)

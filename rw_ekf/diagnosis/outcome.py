@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -46,4 +47,4 @@ class Outcome:
 
     def document(self) -> dict[str, Any]:
         """The document of `diagnose --json` (docs/contract.md#diagnosis)."""
-        return self.content
+        return deepcopy(self.content)

@@ -39,7 +39,7 @@ class Diagnosis(Outcome, Shown):
     @property
     def verdict(self) -> dict[str, Any]:
         """Kind, effects, probabilities and the sentence."""
-        found: dict[str, Any] = self.content["verdict"]
+        found: dict[str, Any] = self.document()["verdict"]
         return found
 
     @property

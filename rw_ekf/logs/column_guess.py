@@ -25,6 +25,7 @@ from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
 from rw_ekf.logs.side_by_side import MAY_BE_A_PART
+from rw_ekf.numbers import number_text
 
 _NOTHING_GIVEN = ColumnMap()
 _COUNTERS_CALLED = (
@@ -262,7 +263,7 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
     if clock.repeats:
         guess.options["repeats"] = clock.repeats
     if clock.again:
-        share = f"{100.0 * clock.again:.2g} % of the rows have the stamp of the row before"
+        share = f"{number_text(100.0 * clock.again, 2)} % of the rows have the stamp of the row before"
         guess.notes.append(f"{column.shown}: {share}: they are spread over the time of a stamp")
     guess.notes += clock.notes
 

@@ -5,7 +5,10 @@ detect -> RawTable -> map_columns -> order of rows -> decimation -> derived spee
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,16 @@ from rw_ekf.logs.sums import all_sums, part_key, sums_of
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.logs.which_wheel import rows_of_wheel
 
+# What stands in for the command's options where a table in memory is read.
+_ANSWER = re.compile(r"--set ([\w.]+)=([^\s,;]*[^\s,;.])")
+_IN_PYTHON = {
+    "`rw-ekf columns table --out map.yaml` writes": "`rw_ekf.guess_columns` of it makes",
+    "`rw-ekf columns` writes that down": "`rw_ekf.guess_columns` of it writes that down",
+    "its --set answers": 'its arguments answer, as current__unit="mA"',
+    "--columns map.yaml": "`columns` of `rw_ekf.read`",
+    "--columns": "`columns` of `rw_ekf.read`",
+}
+
 
 def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) -> WheelLog:
     """Read one log: CSV, Parquet or MATLAB, told apart by content; CSV may be compressed with gzip or zstd.
@@ -40,19 +53,51 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
     return _log_of_any(read_table(path_of(path, "a log"), column_map), column_map)
 
 
-def read_columns(source: Any, columns: ColumnMap | str | Path | None = None, name: str = "table") -> WheelLog:
+def read_columns(source: Any, columns: ColumnMap | str | Path | None = None) -> WheelLog:
     """A log of a table in memory: pandas, polars, arrow, or a mapping of names to arrays. Raises LogError."""
+    table, column_map = table_in_memory(source), map_of(columns)
+    with _told_in_python():
+        log = _log_of_any(table, column_map)
+    return replace(log, warnings=tuple(map(_in_python, log.warnings)))
+
+
+@contextmanager
+def _told_in_python() -> Iterator[None]:
+    try:
+        yield
+    except LogError as error:
+        raise LogError(_in_python(str(error))) from None
+
+
+def _in_python(text: str) -> str:
+    """A sentence that speaks of the command's options, of arguments: no command reads a table in memory."""
+    text = _ANSWER.sub(lambda found: f'{found[1].replace(".", "__")}="{found[2]}"', text)
+    for option, argument in _IN_PYTHON.items():
+        text = text.replace(option, argument)
+    return text
+
+
+def table_in_memory(source: Any, name: str = "table") -> RawTable:
+    """A table of pandas, polars or arrow, or a mapping of names to arrays, as it is. Raises LogError."""
     import pyarrow as pa
 
-    if not isinstance(source, Mapping):
-        try:
-            table = pa.table(source)
-        except (TypeError, ValueError, pa.ArrowException) as error:
-            raise LogError(
-                f"a log is a path, a table or a mapping of names to arrays; found {type(source).__name__} ({error})"
-            ) from None
-        source = {str(key): column for key, column in zip(table.column_names, table.columns, strict=True)}
-    return _log_of_any(_table_of(source, name), map_of(columns))
+    if isinstance(source, Mapping):
+        return _table_of(source, name)
+    try:
+        table = pa.table(source)
+    except (TypeError, ValueError, pa.ArrowException) as error:
+        _refuse_repeated(list(map(str, getattr(source, "columns", ()))), name)
+        raise LogError(
+            f"a log is a path, a table or a mapping of names to arrays; found {type(source).__name__} ({error})"
+        ) from None
+    _refuse_repeated(table.column_names, name)
+    return _table_of(dict(zip(table.column_names, table.columns, strict=True)), name)
+
+
+def _refuse_repeated(names: list[str], table: str) -> None:
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise LogError(f"{table}: {names.count(repeated)} columns are called {repeated!r}: rename all but one")
 
 
 def map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
@@ -97,7 +142,9 @@ def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
 
 def log_of_arrays(columns: Mapping[str, Any], name: str) -> WheelLog:
     """A log of columns in memory (name -> n values) of a log's own names. Raises LogError as `read_log`."""
-    return log_of_table(_table_of(columns, str(name)), ColumnMap())
+    table = _table_of(columns, str(name))
+    with _told_in_python():
+        return log_of_table(table, ColumnMap())
 
 
 def _table_of(columns: Mapping[str, Any], name: str) -> RawTable:

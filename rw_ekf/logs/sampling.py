@@ -13,6 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.numbers import number_text
 
 _GAP = 1.5  # periods: a longer step has lost a row
 _OFF_GRID = 0.4  # of a period, by which a step may miss a whole number of them: both its ends may be early or late
@@ -64,7 +65,7 @@ class Sampling:
             rate = 1.0 / self.period_s
             said.append(
                 f"rows are lost: {rate * (1.0 - self.lost_share):.3g} samples a second on a {rate:.3g} Hz grid, "
-                f"{100.0 * self.lost_share:.2g} % of the rows and their commands are missing"
+                f"{number_text(100.0 * self.lost_share, 2)} % of the rows and their commands are missing"
             )
         if self.refresh_s is not None:
             said.append(

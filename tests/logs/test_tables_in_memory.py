@@ -117,3 +117,28 @@ def test_words_that_are_no_numbers_stay_words() -> None:
     log = rw_ekf.read(columns(note=["", *["1"] * (N - 2), "one"], mode=pa.array(["a", "b"] * 20).dictionary_encode()))
     assert log.table["note"][1].as_py() == "1"
     assert log.table["mode"][1].as_py() == "b"
+
+
+def foreign(**others: object) -> dict[str, Any]:
+    return {"t": TIME_S, "n": 30.0 * SPEED, "I": 1000.0 * CURRENT, **others}
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (foreign(), r"'I' has no unit.*`rw_ekf.guess_columns` of it makes the map.* as current__unit=\"mA\"$"),
+        ({"n": SPEED, "I": CURRENT}, 'no column is known to be the time: time="COLUMN", or rate_hz="ROWS_A_SECOND"'),
+        (pa.table([TIME_S, SPEED, SPEED], names=["time_s", "n", "n"]), "2 columns are called 'n': rename all but"),
+    ],
+)
+def test_what_is_open_in_a_table_is_asked_in_python(table: object, words: str) -> None:
+    with pytest.raises(rw_ekf.Error, match=words) as caught:
+        rw_ekf.read(table)
+    assert "--" not in str(caught.value)
+
+
+def test_the_columns_of_a_table_are_guessed_as_those_of_a_file() -> None:
+    found = rw_ekf.guess_columns(foreign(), current__unit="mA")
+    log = rw_ekf.read(foreign(), found)
+    assert log.current_A == pytest.approx(CURRENT)
+    assert found.document()["out"] is None
