@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from rw_ekf.course.conditions import with_conditions
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter import decisions
