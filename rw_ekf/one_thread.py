@@ -17,6 +17,13 @@ def ask_for_one_thread() -> None:
         os.environ.setdefault(name, "1")
 
 
+def _let_go() -> None:
+    """Leave setting the threads to whoever is next: a newer threadpoolctl obeys who did it first alone."""
+    from threadpoolctl import OpenBLASController
+
+    getattr(OpenBLASController, "clear_controlling_thread", lambda: None)()
+
+
 class _Held:
     """The limit on this process's threads, and how many uses of it there are: calls in several threads overlap."""
 
@@ -31,6 +38,7 @@ class _Held:
                 from threadpoolctl import threadpool_limits
 
                 self._limit = threadpool_limits(limits=1, user_api="blas")
+                _let_go()
             self._uses += 1
 
     def leave(self) -> None:
@@ -38,6 +46,7 @@ class _Held:
             self._uses -= 1
             if self._uses == 0:
                 self._limit.restore_original_limits()
+                _let_go()
 
 
 _HELD = _Held()

@@ -178,11 +178,15 @@ def test_calls_that_overlap_in_threads_give_back_the_threads_they_found() -> Non
         "threadpool_limits(limits=2, user_api='blas')\n"
         "def threads(): return {p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas'}\n"
         "first, second = one_thread(), one_thread()\n"
+        "def elsewhere(call):\n thread = threading.Thread(target=call)\n thread.start()\n thread.join()\n"
         "first.__enter__()\n"
-        "other = threading.Thread(target=second.__enter__); other.start(); other.join()\n"
+        "elsewhere(second.__enter__)\n"
         "first.__exit__(None, None, None)\nassert threads() == {1}\n"
         "with one_thread(), one_thread(): assert threads() == {1}\n"
-        "second.__exit__(None, None, None)\nassert threads() == {2}"
+        "elsewhere(lambda: second.__exit__(None, None, None))\nassert threads() == {2}\n"
+        "seen = []\n"
+        "def call():\n with one_thread(): seen.append(threads())\n"
+        "elsewhere(call)\nassert (seen, threads()) == ([{1}], {2})"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
