@@ -169,10 +169,14 @@ def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterat
         if letter not in "xyz" or not (said.has("machine") or unit == unit_of("rpm"))  # no gyro counts so
     ]
     electrical = said.any_of(*_ELECTRICAL) or any(word.startswith(_ELECTRIC) for word in said.words)
-    if not (per or unit_was_set) and (electrical or "e" in letters):
-        divided = Line("speed_rad_s", line.entry | {"unit": "erpm", "pole_pairs": 7}, "")
+    # A unit that is set where the name has one is an answer to this; where it has none it is one to what it is in.
+    taken = unit_of(str(line.entry.get("unit", "")))
+    is_answered = "scale" in line.entry or (taken is not None and bool(taken.per))
+    if not (per or is_answered or (unit_was_set and unit is not None)) and (electrical or "e" in letters):
+        divided = {"scale": 0.25} if unit_was_set else {"unit": "erpm", "pole_pairs": 7}
         text = f"{column.shown} may be electrical: has it been divided by the pole pairs, and by how many if not?"
-        yield text, (line, divided)
+        told = " --set speed.scale=1, or 0.25 of four pole pairs." if unit_was_set else ""
+        yield f"{text}{told}", (line, Line("speed_rad_s", line.entry | divided, ""))
     elif letters:
         yield (
             f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",

@@ -26,11 +26,10 @@ _INSTANT_S = 1.0e-7  # over which a friction with a memory is followed
 class FrictionTorque(NamedTuple):
     """Friction per unit inertia [rad/s^2] at a moment; above zero it slows a wheel that turns forward.
 
-    at: the current in force [A], temperature [degC], angle [rad], time [s] and columns of the moment.
-
     It is k I less the acceleration, with I the current in the winding after the effects that change it: torques from
     outside count as friction, and at rest it is the drive that is held. x (n,), P (n, n): belief. at: the current in
-    force [A], temperature [degC], angle [rad] and time [s].
+    force [A], temperature [degC], angle [rad], time [s] and columns. Its sigma is that of the states: a shape that was
+    fitted (where a bump is, and how wide) is taken for known.
     """
 
     x: Float64Array

@@ -218,3 +218,14 @@ def test_names_and_units_stand_apart(tmp_path: Path, run: rw_ekf.Log, head: str)
     clock = "0:00:{:06.3f}" if "STAMP" in head else "{!r}"
     guess(tmp_path / "a.csv", csv(run, head, lambda i, t, w, c: f"{clock.format(t)};{w * RPM!r};{c!r};1"))
     assert rw_ekf.read(tmp_path / "a.csv").speed_rad_s == pytest.approx(run.speed_rad_s)
+
+
+def test_a_unit_that_is_set_is_no_answer_to_the_pole_pairs(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """An electrical speed without a unit: first what it is in, then by how many it is still to be divided."""
+    text = csv(run, "time_s,omega_electrical,I [A]", lambda i, t, w, c: f"{t!r},{4.0 * w!r},{c!r}")
+    assert guess(tmp_path / "a.csv", text).guess.questions
+    (question,) = rw_ekf.guess_columns(tmp_path / "a.csv", speed__unit="rad/s").guess.questions
+    assert "pole pairs" in question.text
+    found = rw_ekf.guess_columns(tmp_path / "a.csv", speed__unit="rad/s", speed__scale="0.25")
+    assert not found.guess.questions
+    assert rw_ekf.read(tmp_path / "a.csv", found).speed_rad_s == pytest.approx(run.speed_rad_s)
