@@ -71,12 +71,19 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
     told = terms[:_REPEATS_TOLD] if effect.repeats else terms
-    text = "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in told)
+    text = "; ".join(_said_once([item.term.sentence(item.covariance, facts) + _as_read(item) for item in told]))
     if more := len(terms) - len(told):
         text += f"; and {more} smaller one{'s' * (more > 1)}"
     # A bristle's length and damping do the same where all of its motion is slow: that there is one is known, no more.
     unsettled = not effect.linear and len(terms) == 1 and not fit.knows(name, LEAST_SIGMAS)
     return f"{text} (it is missed without it; how large it is, this record does not settle)" if unsettled else text
+
+
+def _said_once(sentences: list[str]) -> list[str]:
+    """The same, with words in brackets that all of them end with behind the last alone."""
+    tails = {text[text.rfind(" (") :] if text.endswith(")") else "" for text in sentences}
+    tail = tails.pop() if len(tails) == 1 else ""
+    return [*(text.removesuffix(tail) for text in sentences[:-1]), *sentences[-1:]]
 
 
 def lag_of(found: Found) -> str:
