@@ -209,7 +209,8 @@ def test_what_no_effect_explains_is_drawn_and_told(tmp_path: Path) -> None:
         "sentence": "about 0.30 +- 0.02 mNm more drag around 150 to 450 s after the log's start",
         "record": "a second log: `rw-ekf excite identification`",
     }  # fmt: skip
-    poor.document()["shapes"] = [shape, {**shape, "dependence": "current", "at_unit": "mA", "sentence": "nothing"}]
+    shapes = [shape, {**shape, "dependence": "current", "at_unit": "mA", "sentence": "nothing"}]
+    poor = replace(poor, content={**poor.content, "shapes": shapes})
     page = report(poor, tmp_path)
     assert (tmp_path / "shapes.png").exists()
     assert page.images[0]["src"] == "data:image/png;base64," + base64.b64encode(
