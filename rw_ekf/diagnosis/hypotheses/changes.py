@@ -42,8 +42,7 @@ def likeliest_change(profiled: Profiled, ground: Ground, facts: RecordFacts) -> 
     # What each would gain at the model's own noises tells the likeliest place; the odds are asked of that alone.
     own = profiled.own
     seen = squares[own] > _SEEN * whole[own]
-    gains = np.where(seen, products[own] ** 2 / np.maximum(squares[own], 1.0e-300), 0.0)
-    gains *= 0.5 * profiled.count / max(profiled.rss[own], 1.0e-300)
+    gains = profiled.own_gains(squares[own], np.where(seen, products[own], 0.0))
     j = int(np.argmax(gains))
     at, ramp = tried[j]
     factor, deviation = evidence_of_drawn(
@@ -93,8 +92,7 @@ def _gains_of_spells(profiled: Profiled, ground: Ground, begins: Float64Array, e
     squares = own[first] + own[last] - 2.0 * sums.gram[first, last]
     seen = squares > _SEEN * np.maximum(sums.whole[first], sums.whole[last])
     products = np.where(seen, sums.products[first] - sums.products[last], 0.0)
-    scale = 0.5 * profiled.count / max(profiled.rss[profiled.own], 1.0e-300)
-    return np.asarray(scale * products**2 / np.where(seen, squares, 1.0))
+    return profiled.own_gains(np.where(seen, squares, 1.0), products)
 
 
 def _steps(ground: Ground, at: Float64Array) -> Float64Array:

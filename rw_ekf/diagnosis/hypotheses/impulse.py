@@ -44,8 +44,7 @@ def likeliest_impulse(profiled: Profiled, asked: Iterable[Ground], begins_s: flo
         return None
     columns = _columns(ground, inside)
     _, squares, products = profiled.sums_of_each(profiled.own, columns)
-    gains = products**2 / np.maximum(squares, 1.0e-300)
-    gains *= 0.5 * profiled.count / max(profiled.rss[profiled.own], 1.0e-300)
+    gains = profiled.own_gains(squares, products)
     best = int(np.argmax(gains))
     of_each = [profiled.sums(i, columns[:, best : best + 1]) for i in range(len(profiled.ratios))]
     factor, deviation = evidence_of_drawn(profiled, [(sums.gram, sums.products) for sums in of_each])
@@ -122,10 +121,10 @@ def _pursued(profiled: Profiled, i: int, ground: Ground, places: Int64Array) -> 
 def _refined(profiled: Profiled, i: int, ground: Ground, rows: list[int], moves: Int64Array, step: int) -> list[int]:
     """Each of some impulses in the likeliest interval about the one that was picked, the others as they are."""
     for number, row in enumerate(rows):
-        near = moves[(np.abs(moves - row) <= 2 * step) & ~np.isin(moves, rows[:number] + rows[number + 1 :])]
+        others = [*rows[:number], *rows[number + 1 :]]
+        near = moves[(np.abs(moves - row) <= 2 * step) & ~np.isin(moves, others)]
         near = near[:: -(-near.size // _INTERVALS)]
-        others = profiled.beside_own(i, _columns(ground, [*rows[:number], *rows[number + 1 :]]))
-        Q = np.linalg.qr(others)[0]
+        Q = np.linalg.qr(profiled.beside_own(i, _columns(ground, others)))[0]
         G = profiled.beside_own(i, _columns(ground, near))
         G -= Q @ (Q.T @ G)
         left = profiled.residuals[i] - Q @ (Q.T @ profiled.residuals[i])

@@ -106,6 +106,11 @@ class Profiled:
         whole = np.einsum("nm,nm->m", A, A)
         return whole, whole - np.einsum("pm,pm->m", shadow, taken), products
 
+    def own_gains(self, squares: Float64Array, products: Float64Array) -> Float64Array:
+        """Log-likelihoods that regressors gain, each by itself, at the model's own noises, by their sums there."""
+        scale = 0.5 * self.count / max(self.rss[self.own], 1.0e-300)
+        return np.asarray(scale * products**2 / np.maximum(squares, 1.0e-300))
+
     def seen_by_own(self, i: int, A: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Of whitened columns A (n, m): S = Q'A (p, m), (2 - Q'Q)S, and what they have with the residual (m,)."""
         both, overlap = self._together[i].T @ A, self._overlaps[i]

@@ -8,6 +8,7 @@ the held-out part? No effect of the catalogue is named by them: a name is a caus
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Trial
 from rw_ekf.diagnosis.investigate.found import Found, mapped
+from rw_ekf.diagnosis.ledger.ledger import Row
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, MOST_LAWS, REAL_GAIN, WORST
@@ -128,11 +130,14 @@ def _candidates(found: Found, advance: Advance) -> list[Fit]:
     prepared, stands = found.prepared, found.selection.final
     search = Search(prepared.record, prepared.facts, advance)
     fits = [stands] if found.new_ids else []
-    rows = sorted({*found.ledger.rows, *found.weighed}, key=lambda row: -row.weight)
-    for row in rows:
+    for row in _likeliest_rows(found):
         laws = [name for name in row.effects if issubclass(CATALOGUE[name], LawEffect)]
-        sized = all(check.passed for name in laws for check in of_size(search, row.fit, name))
-        if laws and sized and set(row.effects) - set(laws) <= set(found.new_ids) and row.fit is not stands:
+        if (
+            laws
+            and _are_sized(search, row, laws)
+            and set(row.effects) - set(laws) <= set(found.new_ids)
+            and row.fit is not stands
+        ):
             fits.append(row.fit)
     fits, fit = fits[:_MOST_ROWS], stands
     for _ in range(MOST_LAWS - sum(term.law is not None for term in stands.model.terms)):
@@ -152,13 +157,23 @@ def _refused(found: Found, advance: Advance) -> list[Fit]:
     foretells nothing, and a size that no machine has, or that nobody knows, is none.
     """
     search, rows = Search(found.prepared.record, found.prepared.facts, advance), {}
-    for row in sorted({*found.ledger.rows, *found.weighed}, key=lambda row: -row.weight):
+    for row in _likeliest_rows(found):
         count = len(row.effects)
         if not 0 < count <= _MOST_ROWS or count in rows or any(CATALOGUE[name].local_in_time for name in row.effects):
             continue
-        if all(check.passed for name in row.effects for check in of_size(search, row.fit, name)):
+        if _are_sized(search, row, row.effects):
             rows[count] = row.fit
     return list(rows.values())
+
+
+def _likeliest_rows(found: Found) -> list[Row]:
+    """All hypotheses that were fitted, those with laws that do not stand among them; the likeliest first."""
+    return sorted(dict.fromkeys((*found.ledger.rows, *found.weighed)), key=lambda row: -row.weight)
+
+
+def _are_sized(search: Search, row: Row, names: Iterable[str]) -> bool:
+    """Whether some effects of a row pass what is asked of a size."""
+    return all(check.passed for name in names for check in of_size(search, row.fit, name))
 
 
 def _has_nothing(fit: Fit) -> bool:

@@ -78,8 +78,10 @@ def judgement(found: Found, advance: Advance) -> Judged:
     gained = 0.01 * max(percent_better(before.figures, after.figures) or 0.0, 0.0)
     foretold = 0.0 if found.described else 1.0 - (1.0 - gained) ** 2
     posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0), foretold)
-    doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
-    doubted = found.new_ids if found.described else doubted
+    if found.described:
+        doubted = found.new_ids
+    else:
+        doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
     reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
     for name in found.new_ids:
         selection = selection.decided(name, Decision(reason))
