@@ -13,8 +13,7 @@ from rw_ekf.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from rw_ekf import fleet
-    from rw_ekf.errors import RwEkfError as Error
-    from rw_ekf.public import (
+    from rw_ekf.api import (
         Bench,
         Comparison,
         Diagnosis,
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         replay,
         simulate,
     )
+    from rw_ekf.errors import RwEkfError as Error
 
 __all__ = [
     "Bench",
@@ -66,7 +66,7 @@ def __getattr__(name: str) -> Any:
 
     if name == "fleet":
         return importlib.import_module("rw_ekf.fleet")
-    return getattr(importlib.import_module("rw_ekf.public"), name)
+    return getattr(importlib.import_module("rw_ekf.api"), name)
 
 
 def __dir__() -> list[str]:

@@ -28,8 +28,8 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.logs.record_print import made_of, print_of
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
+from rw_ekf.result_display import Shown
 from rw_ekf.second_record import as_of_another_record, with_warmth_of_record
-from rw_ekf.shown import Shown
 from rw_ekf.starting_point import course_for, model_of, setup_of_record, without_effects
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of

@@ -139,7 +139,7 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 def _described(words: list[str]) -> int:
     """The manual page, or a shell's completion, on standard output."""
-    from rw_ekf.manual import completion, man_page
+    from rw_ekf.man_page import completion, man_page
 
     try:
         parser = build_parser()

@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.consistency import autocorrelation, ljung_box_p
-from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.filter.second_look import log_density
+from rw_ekf.filter.parameters_held import frozen, without_drift
+from rw_ekf.filter.second_pass import log_density
 from rw_ekf.identify.free_run_loss import FreeRunLoss
 from rw_ekf.identify.orthogonal import linearised
 from rw_ekf.model.state import PARAMETER_COUNT
 from rw_ekf.numbers import plus_minus
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 if TYPE_CHECKING:
     from rw_ekf.course.course import Course
@@ -183,7 +183,7 @@ def residual_of(course: Course, setup: FilterSetup, belief: Belief, noises: Nois
     constants = without_drift(constants.with_acceleration_noise(noises.acceleration_noise))
     effects = setup.effects.with_values(values[PARAMETER_COUNT:], np.zeros(values.size - PARAMETER_COUNT))
     run = filter_log(course, constants, *frozen(belief.parameters, belief.mean), effects)
-    passed = run.outcome == decisions.UPDATED
+    passed = run.outcome == gating.UPDATED
     standardised = run.innovation_rad_s[passed] / np.sqrt(run.innovation_variance[passed])
     return Residual(
         course.time_s, course.speed_rad_s, _free_run(loss, values), run.innovation_rad_s, standardised,

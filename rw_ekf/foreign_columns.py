@@ -18,7 +18,7 @@ from rw_ekf.logs.column_records import Guess, Line
 from rw_ekf.logs.map_text import comment, map_of_guess, map_text
 from rw_ekf.logs.reader import log_of_table, map_of, read_table, table_in_memory
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 # Of the changes of speed over windows: 77 logs that are read rightly leave at most 0.23 (those whose readings are
 # filtered or late), wrong columns and wrong rows 0.17 to 1. 30 % less or more changes none of the 77.

@@ -20,9 +20,9 @@ from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.filter_run import FilterRun
-from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.filter.second_look import log_likelihood, second_look, was_reset
+from rw_ekf.filter.parameters_held import without_drift
+from rw_ekf.filter.second_pass import log_likelihood, second_look, was_reset
 from rw_ekf.identify.record_scale import busiest, top_speed_of
 from rw_ekf.likelihood.record_stribeck import stribeck_hypotheses
 from rw_ekf.model.state import PARAMETERS, SPEED

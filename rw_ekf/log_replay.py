@@ -16,7 +16,7 @@ from rw_ekf.course.conditions import of_lost_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.documents import REPLAY_SCHEMA, as_it_went_text, entry_text, log_entry
 from rw_ekf.errors import BadInputError, FilterError, LogError
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import Consistency
 from rw_ekf.filter.filter_run import FilterRun
@@ -24,12 +24,12 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
 from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import NoiseColour, independent_readings
-from rw_ekf.learning.carry import carried_over
+from rw_ekf.learning.aged_model import carried_over
+from rw_ekf.logs.checksums import changed
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.record_print import made_of
 from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import Sampling, sampling_of, without_repeats
-from rw_ekf.logs.sums import changed
 from rw_ekf.logs.tables import table_of
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import plus_minus
@@ -37,8 +37,8 @@ from rw_ekf.pass_sums import PassSums
 from rw_ekf.pictures import run_figure
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.residual_judgement import judge_log
+from rw_ekf.result_display import Shown
 from rw_ekf.second_record import as_of_another_record, with_warmth_of_record
-from rw_ekf.shown import Shown
 from rw_ekf.starting_point import (
     FilterSetup,
     course_for,
@@ -334,7 +334,7 @@ def columns_of_run(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth:
     columns["innovation_rad_s"] = run.innovation_rad_s
     columns["innovation_std_rad_s"] = np.sqrt(run.innovation_variance)
     columns["nis"] = run.nis
-    columns["accepted"] = (run.outcome == decisions.UPDATED) | (run.outcome == decisions.FIRST)
+    columns["accepted"] = (run.outcome == gating.UPDATED) | (run.outcome == gating.FIRST)
     columns["reason"] = np.array(REASONS, dtype=object)[run.outcome]
     if smooth:
         from rw_ekf.filter.smoother import smooth_log
@@ -345,5 +345,5 @@ def columns_of_run(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth:
     return columns
 
 
-# By outcome code of rw_ekf.filter.decisions; an accepted sample has none.
+# By outcome code of rw_ekf.filter.gating; an accepted sample has none.
 REASONS = ["first", "", "missing", "gate", "repeated", "backward", "reseeded"]

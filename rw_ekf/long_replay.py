@@ -18,9 +18,9 @@ import numpy as np
 from rw_ekf.course.course import Course
 from rw_ekf.errors import LogError
 from rw_ekf.filter.belief import Belief
-from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.log_filter import LogFilter
-from rw_ekf.filter.second_look import Start
+from rw_ekf.filter.parameters_held import without_drift
+from rw_ekf.filter.second_pass import Start
 from rw_ekf.hindsight import CLEARLY, hindsight_of_part, with_stribeck_speeds
 from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import NoiseColour, independent_readings

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rw_ekf.course.beyond import BeyondLaws
+from rw_ekf.course.beyond_law_range import BeyondLaws
 from rw_ekf.course.course import WILD, Course
 from rw_ekf.errors import FilterError
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.health_monitor import findings, troubles_of
 from rw_ekf.filter.operating_points import OperatingPoints
-from rw_ekf.filter.physician import findings, troubles_of
-from rw_ekf.filter.second_look import log_likelihood, resets_of
+from rw_ekf.filter.second_pass import log_likelihood, resets_of
 from rw_ekf.records import FilterTrouble
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.statistics import RunStatistics
@@ -30,7 +30,7 @@ class PassSums:
 
     gate: float
     statistics: RunStatistics = field(default_factory=RunStatistics)
-    log_likelihood: float = 0.0  # of the readings, as `rw_ekf.filter.second_look.log_likelihood`
+    log_likelihood: float = 0.0  # of the readings, as `rw_ekf.filter.second_pass.log_likelihood`
     worst_rad_s: float = 0.0  # by which a prediction missed, gated or not
     troubles: list[FilterTrouble] = field(default_factory=list)  # that led to resets, in order
     was_reset: bool = False  # whether the parameters were
@@ -54,7 +54,7 @@ class PassSums:
         self.was_reset = self.was_reset or resets.size > 0
         points = self.statistics.points
         if points is not None:
-            used = run.outcome == decisions.UPDATED
+            used = run.outcome == gating.UPDATED
             used[:begin] = False
             if resets.size:
                 used[: resets[-1] + 1] = False

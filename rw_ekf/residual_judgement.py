@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.course.course import Course
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, consistency_of
-from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.parameters_held import frozen, without_drift
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
@@ -47,7 +47,7 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
         mean[turning] = setup.prior.mean[turning]
         covariance[np.ix_(turning, turning)] = setup.prior.covariance[np.ix_(turning, turning)]
         run = filter_log(head, steady.constants, mean, covariance, setup.effects, steady.effect_drift)
-        return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+        return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == gating.UPDATED)
     near = fit_log(head, setup.constants, setup.prior.core, found, effort="least")
     judged = consistency_of_fit(near, setup.constants)
     if judged.is_clearly_noise:

@@ -21,8 +21,8 @@ from rw_ekf.course.acting_temperature import AHEAD_SIGMA, acting_temperature
 from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.belief import Belief
-from rw_ekf.filter.frozen import without_drift
-from rw_ekf.filter.second_look import log_likelihood, was_reset
+from rw_ekf.filter.parameters_held import without_drift
+from rw_ekf.filter.second_pass import log_likelihood, was_reset
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.hindsight import CLEARLY, filtered
 from rw_ekf.logs.wheel_log import WheelLog
@@ -48,7 +48,7 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
     """The setup of a model that was found elsewhere, for a log that is seen as a whole: its shapes, then its a priori.
 
     For a filter and for a fit alike; a run, which goes forward, does without what belonged to one record
-    (`rw_ekf.learning.carry`).
+    (`rw_ekf.learning.aged_model`).
     """
     setup = with_laws_of_record(course, with_times_of_record(course, setup))
     return with_prior_that_holds(course, with_noise_that_holds(course, with_shapes_of_record(course, setup)))

@@ -64,18 +64,18 @@ class RunStatistics:
         """Count the samples of a compiled pass from `begin` on; those before are of a part that has been counted."""
         import numpy as np
 
-        from rw_ekf.filter import decisions
+        from rw_ekf.filter import gating
 
         here = slice(begin, None)
         outcome = run.outcome[here]
-        used = outcome == decisions.UPDATED
+        used = outcome == gating.UPDATED
         innovation = run.innovation_rad_s[here][used]
         nis = innovation**2 / run.innovation_variance[here][used]
         tested = np.isfinite(run.innovation_rad_s[here])
         self.samples += int(outcome.size)
         self.missing += int(np.count_nonzero(np.isnan(course.speed_rad_s[here])))
         self.rejected += int(np.count_nonzero(tested & ~used))
-        self.reseeded += int(np.count_nonzero(outcome == decisions.RESEEDED))
+        self.reseeded += int(np.count_nonzero(outcome == gating.RESEEDED))
         self.duration_s += course.window(max(begin - 1, 0), course.samples).duration_s
         self.used += int(used.sum())
         self.innovation_sum += float(innovation.sum())

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from types import ModuleType
 
 from rw_ekf.one_thread import ask_for_one_thread
-from rw_ekf.parent import die_with_parent
+from rw_ekf.parent_process import die_with_parent
 
 
 def cores() -> int:

@@ -66,7 +66,7 @@ def _no_thousands_of_claims() -> Iterator[None]:
     Those that are empty, as a daemon leaves them; one written within the last minute may be about to be locked again.
     """
     yield
-    claim = sys.modules.get("rw_ekf.live.claim")
+    claim = sys.modules.get("rw_ekf.live.port_claim")
     if claim is None:
         return
     for path in claim.shared_directory().glob(f"rw-ekf-{os.geteuid()}-*.lock"):

@@ -11,7 +11,7 @@ from rw_ekf import hindsight
 from rw_ekf.course.course import Course
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
-from rw_ekf.filter import second_look
+from rw_ekf.filter import second_pass
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.health import DIVERGED
 from rw_ekf.filter.log_filter import filter_log
@@ -159,7 +159,7 @@ def test_a_long_log_is_looked_at_three_times_and_as_sure_as_after_seven(monkeypa
         looked_at.append(course.samples)
         return filter_log(course, *args, **kwargs)
 
-    for module in (hindsight, second_look):
+    for module in (hindsight, second_pass):
         monkeypatch.setattr(module, "filter_log", counted)
     run, setup = run_of_log(course, told)
     found = belief_of_log(course, setup, run)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import rw_ekf
-from rw_ekf.compared import compared
+from rw_ekf.model_comparison import compared
 
 
 def test_a_model_gains_nothing_by_the_readings_that_it_refuses() -> None:

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from rw_ekf.cli import main
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE, LEARNED
-from rw_ekf.learning.carry import carried_over
+from rw_ekf.learning.aged_model import carried_over
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term

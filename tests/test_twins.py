@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog

@@ -16,11 +16,11 @@ from rw_ekf.drivers.can.can_frames import CanFrame
 from rw_ekf.drivers.can.can_hearing import Hearing, Told
 from rw_ekf.drivers.can.can_map import CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
-from rw_ekf.drivers.line.bearing_out import Bearing, Standing
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.shared_port import OpenPort
+from rw_ekf.drivers.line.unacknowledged_commands import Bearing, Standing
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters

@@ -15,7 +15,7 @@ from rw_ekf.checking.findings import Where
 from rw_ekf.drivers.can.can_check import MapCheck, signal_field, used_messages
 from rw_ekf.drivers.can.can_file import FLAG_BITS, CanFile, FrameCare
 from rw_ekf.drivers.can.can_frames import MessageCodec
-from rw_ekf.drivers.line.bearing_out import STATUSES
+from rw_ekf.drivers.line.unacknowledged_commands import STATUSES
 from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import ConfigError

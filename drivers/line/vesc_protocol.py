@@ -12,12 +12,12 @@ from pydantic import field_validator, model_validator
 from rw_ekf.checking.findings import Where
 from rw_ekf.checking.section import NOT_NULL, Mistake, Section, refuse
 from rw_ekf.driver import WireLimits
-from rw_ekf.drivers.line.bearing_out import STATUSES, Bearing, Standing
 from rw_ekf.drivers.line.framing import Codec
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.serial_link import SerialLink
+from rw_ekf.drivers.line.unacknowledged_commands import STATUSES, Bearing, Standing
 from rw_ekf.drivers.line.vesc import (
     FIRST_READ,
     IDENTITY_ID,

@@ -14,7 +14,7 @@ from rw_ekf.attitude_bench.contest_result import BASELINE, LEGEND, Row, rows_of,
 from rw_ekf.attitude_bench.contest_tables import Table
 from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
 from rw_ekf.control.compensation.schemes import SCHEMES
-from rw_ekf.diagnosis.report.drawn import write_pictures
+from rw_ekf.diagnosis.report.picture_files import write_pictures
 from rw_ekf.diagnosis.report.template_engine import rendered
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import make_folder, write_text

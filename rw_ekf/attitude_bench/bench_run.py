@@ -13,8 +13,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.attach.simulated import simulated_wheel
 from rw_ekf.attitude_bench.attitude import AttitudePid, Axis, AxisState, FlexibleMode, Gyroscope, PidGains
+from rw_ekf.attitude_bench.bench_wheels import aged
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.wheels import aged
 from rw_ekf.clock import VirtualClock
 from rw_ekf.control.compensation.scheme import CompensatedController, Compensation, Knowledge
 from rw_ekf.filter.estimator import Estimator

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.attitude_bench.bench_run import BenchRun, run_bench
-from rw_ekf.attitude_bench.margins import scenario_for
-from rw_ekf.attitude_bench.scenario import BeliefSection, Scenario
-from rw_ekf.attitude_bench.wheels import (
+from rw_ekf.attitude_bench.bench_wheels import (
     constants_of,
     deterministic,
     drawn_wheel,
@@ -21,6 +19,8 @@ from rw_ekf.attitude_bench.wheels import (
     learned,
     nominal,
 )
+from rw_ekf.attitude_bench.margins import scenario_for
+from rw_ekf.attitude_bench.scenario import BeliefSection, Scenario
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.scheme import Knowledge
 from rw_ekf.control.compensation.schemes import SchemeEntry, WheelSheet
@@ -32,7 +32,7 @@ from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.learning.carry import carried_over
+from rw_ekf.learning.aged_model import carried_over
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS, FrictionParameters
 from rw_ekf.records import Tick
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
@@ -127,7 +127,7 @@ def diagnosed(scenario: Scenario, noise_rpm: float) -> WheelModel:
 
     It takes 6 to 17 s, and is a plain value that can be handed to `start_of` in other processes.
     """
-    from rw_ekf.diagnosis.diagnose import diagnose_log
+    from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 
     prior, constants = prior_around(nominal(scenario)), constants_of(scenario, noise_rpm, 10.0)
     known = WheelModel(

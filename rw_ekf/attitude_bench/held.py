@@ -19,7 +19,7 @@ from rw_ekf.checking.choices import MOST_SEEDS, whole_number
 from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.tables import table_of
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.attitude_bench.bench_run import BenchRun
-from rw_ekf.flyby.impulse import zero_crossing_impulse
+from rw_ekf.flyby.crossing_impulse import zero_crossing_impulse
 
 WINDOW_S = 120.0  # from the reversal on
 STEADY_S = (30.0, 2.0)  # before the reversal

@@ -107,7 +107,7 @@ def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequ
 
     Raises ConfigError for a file that is wrong, BadInputError for an effect that is, or a wheel that never reverses.
     """
-    from rw_ekf.attitude_bench.wheels import drawn_wheel
+    from rw_ekf.attitude_bench.bench_wheels import drawn_wheel
 
     scenario = Scenario() if path is None else load_scenario(path_of(path, "a scenario"))
     if model is not None:

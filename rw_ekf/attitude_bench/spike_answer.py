@@ -11,11 +11,11 @@ import numpy as np
 
 from rw_ekf.attitude_bench.bench_run import BenchRun
 from rw_ekf.attitude_bench.bench_start import run_scheme
+from rw_ekf.attitude_bench.bench_wheels import drawn_wheel
 from rw_ekf.attitude_bench.contest import Models, finished
 from rw_ekf.attitude_bench.contest_tables import Table, shown
 from rw_ekf.attitude_bench.metrics import recovered_s
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.wheels import drawn_wheel
 from rw_ekf.control.compensation.schemes import SCHEMES, SchemeEntry
 from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.wheel.model_file import WheelModel

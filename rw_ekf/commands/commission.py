@@ -59,8 +59,8 @@ def _commissioned(args: argparse.Namespace, stop: StopSignal) -> int:
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.commissioning.dialogue import Stopped
     from rw_ekf.commissioning.progress import Progress
-    from rw_ekf.commissioning.steps import commission
-    from rw_ekf.commissioning.work import Options, Work
+    from rw_ekf.commissioning.step_context import Options, Work
+    from rw_ekf.commissioning.step_order import commission
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import logger, progress, shown_path
     from rw_ekf.errors import BadInputError

@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
-    from rw_ekf.compared import compared
     from rw_ekf.logs.run_directory import model_of
+    from rw_ekf.model_comparison import compared
     from rw_ekf.wheel.model_file import read_model
 
     first, second = (read_model(model_of(name)) for name in (args.first, args.second))

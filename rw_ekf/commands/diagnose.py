@@ -75,7 +75,7 @@ def execute(args: argparse.Namespace) -> int:
     if directory is not None:
         _make_ready(directory)
 
-    from rw_ekf.diagnosis.diagnose import diagnose_log
+    from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 
     make_ready(DIAGNOSIS)
     whole = True

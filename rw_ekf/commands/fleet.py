@@ -13,7 +13,7 @@ from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
-    from rw_ekf.fleet.public import Diagnoses, FleetRun
+    from rw_ekf.fleet.fleet_api import Diagnoses, FleetRun
 
 HELP = "filter the logs of many wheels over years, and say which wheels age or are unlike the others"
 EXAMPLE = """example:
@@ -73,7 +73,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from rw_ekf.fleet.public import build
+    from rw_ekf.fleet.fleet_api import build
 
     found = build(args.directory, args.out)
     answer(args, found.document, found.text)
@@ -82,7 +82,7 @@ def _build(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import EFFECTS, FIT
-    from rw_ekf.fleet.public import run
+    from rw_ekf.fleet.fleet_api import run
 
     needed = (*FIT, *EFFECTS) if args.model is not None or args.config is not None else FIT
     return _worked(args, run, " logs", needed)
@@ -90,7 +90,7 @@ def _run(args: argparse.Namespace) -> int:
 
 def _diagnose(args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import DIAGNOSIS
-    from rw_ekf.fleet.public import MOST_WINDOWS, diagnose
+    from rw_ekf.fleet.fleet_api import MOST_WINDOWS, diagnose
 
     return _worked(args, functools.partial(diagnose, most=args.most or MOST_WINDOWS), " windows", DIAGNOSIS)
 
@@ -121,7 +121,7 @@ def _worked(
 
 
 def _trends(args: argparse.Namespace) -> int:
-    from rw_ekf.fleet.public import trends
+    from rw_ekf.fleet.fleet_api import trends
 
     found = trends(args.directory, args.out, limits=args.limit)
     answer(args, found.document, found.text)
@@ -130,7 +130,7 @@ def _trends(args: argparse.Namespace) -> int:
 
 def _view(args: argparse.Namespace) -> int:
     from rw_ekf.console import shown_path
-    from rw_ekf.fleet.public import view
+    from rw_ekf.fleet.fleet_api import view
 
     page = view(args.directory, args.out, limits=args.limit)
     answer(args, lambda: {"schema": "rw_ekf.fleet_view/1", "page": str(page)}, lambda: shown_path(Path(page)))

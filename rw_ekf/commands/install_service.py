@@ -80,7 +80,7 @@ def service_of(configurations: tuple[Configuration, ...], config: Path, user: st
 
     A line of several wheels has one unit, by the name of its file, with what any of its wheels needs.
     """
-    from rw_ekf.live.claim import DIRECTORIES
+    from rw_ekf.live.port_claim import DIRECTORIES
     from rw_ekf.live.supervisor import Patience
     from rw_ekf.service.unit import Service
 

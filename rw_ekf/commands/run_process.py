@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from rw_ekf.clock import Clock, SystemClock
-from rw_ekf.live.claim import PortClaim
+from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
 

@@ -10,7 +10,7 @@ from rw_ekf.records import RunState
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from rw_ekf.live.outcome import RunOutcome
+    from rw_ekf.live.run_outcome import RunOutcome
 
 SAFE_STATUS = 5
 

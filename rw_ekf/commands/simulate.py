@@ -92,7 +92,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _fleet(args: argparse.Namespace) -> int:
     from rw_ekf.errors import UsageError
-    from rw_ekf.fleet.public import simulate
+    from rw_ekf.fleet.fleet_api import simulate
 
     if args.out is None:
         raise UsageError("--out DIR is missing: where the fleet's logs shall be written")

@@ -51,9 +51,9 @@ def execute(args: argparse.Namespace) -> int:
 def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
     """What one wheel's run publishes, and the exit status for it."""
     from rw_ekf.clock import SystemClock
-    from rw_ekf.live.holder import holders_of, supervisors_of
     from rw_ekf.live.published_place import published_place
     from rw_ekf.live.published_state import read_published
+    from rw_ekf.live.running_daemon import holders_of, supervisors_of
     from rw_ekf.records import RunState
 
     clock = SystemClock()

@@ -10,8 +10,8 @@ from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
     from rw_ekf.clock import Clock
-    from rw_ekf.live.holder import HolderReport
-    from rw_ekf.settings.line import LineConfiguration
+    from rw_ekf.live.running_daemon import HolderReport
+    from rw_ekf.settings.stop_settings import LineConfiguration
 
 HELP = "zero current: ends a running daemon of that configuration's port, then writes zero itself"
 EXAMPLE = """example:
@@ -35,8 +35,8 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
     from rw_ekf.live.guard import STAND_DOWN_S
-    from rw_ekf.live.holder import stop_holder
-    from rw_ekf.settings.line import read_line
+    from rw_ekf.live.running_daemon import stop_holder
+    from rw_ekf.settings.stop_settings import read_line
 
     clock = SystemClock()
     line = read_line(args.config)
@@ -101,7 +101,7 @@ def _zero(line: LineConfiguration, report: HolderReport, clock: Clock) -> list[b
     from rw_ekf.attach.wire import spoken_by
     from rw_ekf.errors import ConfigError, DriverError
     from rw_ekf.live.guard import zero_each
-    from rw_ekf.live.holder import others_with
+    from rw_ekf.live.running_daemon import others_with
 
     port = line.wheels[0].wheel.port
     try:

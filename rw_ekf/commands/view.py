@@ -45,7 +45,7 @@ def add_listen_option(parser: argparse.ArgumentParser, name: str) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.errors import BadInputError
-    from rw_ekf.parent import die_with_parent
+    from rw_ekf.parent_process import die_with_parent
 
     if args.of_run:
         die_with_parent()
@@ -55,13 +55,13 @@ def execute(args: argparse.Namespace) -> int:
         if not path.exists():
             raise BadInputError(f"{path}: no such file or folder: give a run's log, or the folder of runs")
     try:
+        from rw_ekf.page.page_process import serve
         from rw_ekf.page.server import Place
-        from rw_ekf.page.serving import serve
     except ImportError as error:
         raise BadInputError(f'what serves the page is not installed ({error}): pip install "rw-ekf[view]"') from None
     place = Place(paths)
     if args.config is not None:
-        from rw_ekf.settings.line import read_line
+        from rw_ekf.settings.stop_settings import read_line
 
         place = Place(paths, lambda: _stopped(args.config), len(read_line(args.config).wheels))
 

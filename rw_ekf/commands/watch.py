@@ -54,7 +54,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _picture(configurations: Sequence[Configuration]) -> str:
     """The screen of one wheel; of several what comes first of each."""
-    from rw_ekf.page.screen import picture_of
+    from rw_ekf.page.text_screen import picture_of
 
     pictures = [picture_of(_published(configuration), _width()) for configuration in configurations]
     if len(pictures) == 1:

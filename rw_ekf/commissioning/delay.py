@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.commissioning.bench import Row
+from rw_ekf.commissioning.commissioning_moves import to_rest, toggled
 from rw_ekf.commissioning.dialogue import RefusedError
+from rw_ekf.commissioning.guarded_wheel import Row
 from rw_ekf.commissioning.motion_fit import fit_late_motion
-from rw_ekf.commissioning.moves import to_rest, toggled
-from rw_ekf.commissioning.work import Work
+from rw_ekf.commissioning.step_context import Work
 from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s
 

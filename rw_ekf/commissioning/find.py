@@ -18,7 +18,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.commissioning.dialogue import Dialogue, RefusedError, Stopped
 from rw_ekf.driver import StartedByWrite, WheelDriver, WheelProtocol
 from rw_ekf.errors import DriverError, NotStartedError
-from rw_ekf.live.claim import PortClaim
+from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import WheelSample
 from rw_ekf.settings.resources import available_resources, config_resource

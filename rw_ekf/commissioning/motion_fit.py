@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
-from rw_ekf.commissioning.bench import Row
+from rw_ekf.commissioning.guarded_wheel import Row
 
 _LEAST_READINGS = 4  # of a stretch
 _LONGEST_GAP_S = 1.0

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.commissioning.bench import Bench, Move, Row, zero
 from rw_ekf.commissioning.dialogue import RefusedError
+from rw_ekf.commissioning.guarded_wheel import Bench, Move, Row, zero
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 _REST_S = 180.0  # that a wheel may take to come to rest by itself

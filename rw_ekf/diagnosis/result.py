@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.checking.paths import path_of
 from rw_ekf.diagnosis.outcome import Outcome
-from rw_ekf.diagnosis.report.speed import speed_course, speed_figure
+from rw_ekf.diagnosis.report.speed_picture import speed_course, speed_figure
 from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.documents import inertia_text
 from rw_ekf.logs.tables import table_of
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -30,7 +30,7 @@ class Diagnosis(Outcome, Shown):
 
     def report(self, directory: str | Path, options: Sequence[str] = ()) -> list[Path]:
         """Write what `diagnose --out` leaves; returns the files. options: see `write_report`, as what is raised."""
-        from rw_ekf.diagnosis.report.page import write_report
+        from rw_ekf.diagnosis.report.diagnosis_page import write_report
         from rw_ekf.effects.catalogue import with_own
 
         with with_own(() if self.model is None else self.model.own_effects):

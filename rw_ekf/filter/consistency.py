@@ -35,7 +35,7 @@ class Consistency:
     largest_correlation: float | None  # autocorrelation of largest size within the lags
     largest_lag: int | None
     noise_ratio: float | None  # spread found over spread expected
-    unevenness: str | None = None  # of the noise, in a sentence (rw_ekf.filter.evenness)
+    unevenness: str | None = None  # of the noise, in a sentence (rw_ekf.filter.noise_evenness)
     structure_p: float | None = None  # that a wheel of four parameters shows as much (rw_ekf.likelihood.structure)
 
     @property

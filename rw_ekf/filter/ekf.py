@@ -14,8 +14,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.filterpy_alone import ExtendedKalmanFilter
+from rw_ekf.filter.interval_inputs import Surroundings
 from rw_ekf.filter.step import CONTINUOUS, Sample, advance, innovation_of, look_after, memory_of, weigh
-from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.effect_transition import open_past

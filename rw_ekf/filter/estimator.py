@@ -13,15 +13,15 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.ekf import WheelEkf
+from rw_ekf.filter.health_monitor import Physician, findings
 from rw_ekf.filter.identifiability import Validity
+from rw_ekf.filter.interval_inputs import Gatherer, outlook
 from rw_ekf.filter.operating_points import OperatingPoints
-from rw_ekf.filter.physician import Physician, findings
 from rw_ekf.filter.step import Sample
-from rw_ekf.filter.surroundings import Gatherer, outlook
 from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
 from rw_ekf.records import (
     Believed,
@@ -39,13 +39,13 @@ from rw_ekf.wheel.pieces import Moment
 from rw_ekf.wheel.window import lateness
 
 OUTCOMES = {
-    decisions.FIRST: Outcome.FIRST,
-    decisions.UPDATED: Outcome.UPDATED,
-    decisions.MISSING: Outcome.MISSING,
-    decisions.GATED: Outcome.GATED,
-    decisions.REPEATED: Outcome.REPEATED,
-    decisions.BACKWARD: Outcome.BACKWARD,
-    decisions.RESEEDED: Outcome.RESEEDED,
+    gating.FIRST: Outcome.FIRST,
+    gating.UPDATED: Outcome.UPDATED,
+    gating.MISSING: Outcome.MISSING,
+    gating.GATED: Outcome.GATED,
+    gating.REPEATED: Outcome.REPEATED,
+    gating.BACKWARD: Outcome.BACKWARD,
+    gating.RESEEDED: Outcome.RESEEDED,
 }
 
 
@@ -128,8 +128,8 @@ class Estimator:
             raise FilterError(f"a speed of {speed} rad/s reached the filter")
         begins = last is None or sample.segment != last.segment
         dt = sample.time_s - (sample.time_s - 1.0 if last is None else last.time_s)  # NaN where the time is none
-        what = decisions.timing(dt, begins)
-        if what != decisions.UPDATED:
+        what = gating.timing(dt, begins)
+        if what != gating.UPDATED:
             return self._estimate(sample, what, None)
         if last is None or begins:
             surroundings = self._gatherer.restart()
@@ -141,7 +141,7 @@ class Estimator:
         try:
             what = self.ekf.predict(reading, surroundings)
             predicted = self.ekf.speed_rad_s
-            if what == decisions.UPDATED:
+            if what == gating.UPDATED:
                 what = self.ekf.update(reading)
                 innovation = self._innovation(sample.time_s, what)
         except (ArithmeticError, ValueError):  # where compiled arithmetic leaves NaN
@@ -149,18 +149,18 @@ class Estimator:
         self._gatherer.note(sample, 0.5 * (before + predicted) if self.ekf.is_continuous else 0.0, dt)
         self._last = sample
         if self._physician.examine(reading, sample.time_s, what):
-            what = decisions.MISSING if math.isnan(speed) else decisions.RESEEDED
+            what = gating.MISSING if math.isnan(speed) else gating.RESEEDED
             if self._physician.has_forgotten:
                 self.points.clear()
                 self._validity = Validity(Belief(self.mean, self.covariance))
-        if what == decisions.UPDATED:
+        if what == gating.UPDATED:
             self.points.add(speed, self._gatherer.schedule.in_force_A)
         return self._estimate(sample, what, innovation, predicted)
 
     def _innovation(self, time_s: float, what: int) -> Innovation:
         residual, variance = float(self.ekf.y[0, 0]), float(self.ekf.S[0, 0])
         gate = self.constants.gate
-        reason = {decisions.GATED: "gate", decisions.RESEEDED: "reseeded"}.get(what)
+        reason = {gating.GATED: "gate", gating.RESEEDED: "reseeded"}.get(what)
         nis = residual * residual / variance
         return Innovation(time_s, residual, math.sqrt(variance), nis, gate, reason is None, reason)
 

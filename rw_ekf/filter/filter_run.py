@@ -33,7 +33,7 @@ class FilterRun(NamedTuple):
     covariance: Float64Array  # (m, m)
     innovation_rad_s: Float64Array  # (n,) NaN where there was none
     innovation_variance: Float64Array  # (n,)
-    outcome: NDArray[np.int8]  # (n,) codes of rw_ekf.filter.decisions
+    outcome: NDArray[np.int8]  # (n,) codes of rw_ekf.filter.gating
     mended: NDArray[np.int8]  # (n,) why the filter was reset at a sample, a code of rw_ekf.filter.health; mostly WELL
     states: Float64Array  # (n, m) or (0, m)
     stds: Float64Array  # (n, m) or (0, m)

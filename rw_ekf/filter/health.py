@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
-from rw_ekf.filter.decisions import GATED, RESEEDED, UPDATED
+from rw_ekf.filter.gating import GATED, RESEEDED, UPDATED
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED
 
 # What is wrong.

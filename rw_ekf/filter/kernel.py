@@ -14,14 +14,14 @@ from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter import constants as _constants
 from rw_ekf.filter import covariance as _covariance
-from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
+from rw_ekf.filter import gating as _gating
 from rw_ekf.filter import health as _health
 from rw_ekf.filter import step as _step
 from rw_ekf.filter import stillness as _stillness
 from rw_ekf.filter.constants import FilterConstants, filter_constants
-from rw_ekf.filter.decisions import BACKWARD, MISSING, REPEATED, RESEEDED, UPDATED, timing
 from rw_ekf.filter.filter_run import FilterRun, History
+from rw_ekf.filter.gating import BACKWARD, MISSING, REPEATED, RESEEDED, UPDATED, timing
 from rw_ekf.filter.health import WELL
 from rw_ekf.filter.step import (
     CONTINUOUS,
@@ -56,7 +56,7 @@ _MODULES = [
     _course,
     _constants,
     _covariance,
-    _decisions,
+    _gating,
     _effect,
     _filter_run,
     _health,

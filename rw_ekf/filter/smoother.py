@@ -14,11 +14,11 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.compiled import Kernel
-from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
+from rw_ekf.filter import gating as _gating
 from rw_ekf.filter import health as _health
-from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.gating import UPDATED
 from rw_ekf.filter.health import WELL
 from rw_ekf.model import state as _state
 from rw_ekf.model.state import SPEED, STATE_SIZE
@@ -90,7 +90,7 @@ def _example() -> tuple[Any, ...]:
     return FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0), whole, whole, series, whole, series, series
 
 
-smooth_pass = Kernel(_smooth_pass, [_state, _decisions, _filter_run, _health, sys.modules[__name__]], _example)
+smooth_pass = Kernel(_smooth_pass, [_state, _gating, _filter_run, _health, sys.modules[__name__]], _example)
 
 
 def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:

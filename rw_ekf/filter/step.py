@@ -21,7 +21,7 @@ from rw_ekf.filter.covariance import (
     set_ceiling,
     update_joseph,
 )
-from rw_ekf.filter.decisions import (
+from rw_ekf.filter.gating import (
     FIRST,
     MEMORY_SIZE,
     MISSING,

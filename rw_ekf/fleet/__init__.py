@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rw_ekf.fleet.public import (
+    from rw_ekf.fleet.fleet_api import (
         Diagnoses,
         FleetIndex,
         FleetRun,
@@ -29,7 +29,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rw_ekf.fleet' has no attribute {name!r}")
     import importlib
 
-    return getattr(importlib.import_module("rw_ekf.fleet.public"), name)
+    return getattr(importlib.import_module("rw_ekf.fleet.fleet_api"), name)
 
 
 def __dir__() -> list[str]:

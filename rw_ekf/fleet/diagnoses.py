@@ -23,7 +23,7 @@ from rw_ekf.fleet.windows import Window, windows_of
 from rw_ekf.learning.learned_file import fingerprint
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.plain_file import json_of
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 from rw_ekf.version import __version__
 
 SCHEMA = "rw_ekf.fleet_diagnoses/1"

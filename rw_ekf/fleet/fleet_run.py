@@ -19,7 +19,7 @@ from rw_ekf.fleet.plan import FleetSettings, PlannedLog, groups_of, plan_of
 from rw_ekf.fleet.result_rows import FAILED, NOT_DONE
 from rw_ekf.fleet.task import Record, Task, work
 from rw_ekf.logs.atomic import make_folder
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 SCHEMA = "rw_ekf.fleet_run/1"
 WINDOW = 4  # tasks in flight for each core: enough that none waits, few enough that memory does not grow with the fleet

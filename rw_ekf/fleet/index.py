@@ -23,7 +23,7 @@ from rw_ekf.fleet.folder import NAME, FleetFolder
 from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.logs.metadata import RunMetadata, moment_of, read_metadata, utc_text
 from rw_ekf.logs.parts import FORMS, PartName, beside
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 SCHEMA = "rw_ekf.fleet_index/1"
 _IN_NAME = re.compile(r"(\d{4}-\d{2}-\d{2})(?:[T_ ](\d{2})[-:h]?(\d{2})(?:[-:m]?(\d{2}))?)?")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, scaled_root
-from rw_ekf.fleet.carry import Starting
+from rw_ekf.fleet.between_logs import Starting
 from rw_ekf.fleet.log_days import DayOfLog
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.model.state import PARAMETER_NAMES

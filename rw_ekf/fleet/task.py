@@ -19,7 +19,7 @@ from rw_ekf.fleet.index import FleetLog
 from rw_ekf.fleet.plan import PlannedLog
 
 if TYPE_CHECKING:
-    from rw_ekf.fleet.carry import Carry
+    from rw_ekf.fleet.between_logs import Carry
     from rw_ekf.fleet.result_rows import LogResult
     from rw_ekf.logs.column_map import ColumnMap
     from rw_ekf.settings.schema import Configuration
@@ -85,7 +85,7 @@ def given(
     configuration: Mapping[str, Any] | None, model: Mapping[str, Any] | None
 ) -> tuple[Configuration | None, WheelModel | None]:
     """A configuration and a model from the plain data that a task carries."""
-    from rw_ekf.fleet.carry import plain_model
+    from rw_ekf.fleet.between_logs import plain_model
     from rw_ekf.settings.load import configuration_of
 
     read = None if configuration is None else configuration_of(dict(configuration), Path("fleet"))
@@ -101,7 +101,7 @@ def _carry_of(path: Path) -> str:
 def _result_of(
     task: Task, planned: PlannedLog, before: str, configuration: Configuration | None, model: WheelModel | None
 ) -> LogResult:
-    from rw_ekf.fleet.carry import Carry
+    from rw_ekf.fleet.between_logs import Carry
     from rw_ekf.fleet.result_rows import LogResult, row_of_failure
     from rw_ekf.logs.metadata import moment_of
 
@@ -131,7 +131,7 @@ def _filtered(
     given: tuple[Configuration | None, WheelModel | None],
 ) -> LogResult:  # fmt: skip
     """Filter a log, day by day. Raises RwEkfError where it cannot be read or filtered."""
-    from rw_ekf.fleet.carry import Carry, first_start, next_start
+    from rw_ekf.fleet.between_logs import Carry, first_start, next_start
     from rw_ekf.fleet.log_days import days_of_log
     from rw_ekf.fleet.result_rows import LogResult, row_of_day
     from rw_ekf.log_replay import replay_log

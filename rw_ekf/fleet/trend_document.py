@@ -10,12 +10,12 @@ import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.fleet.diagnoses import WindowFinding
-from rw_ekf.fleet.findings import concern_of, days_about, finding_kinds, level_day, sentences
 from rw_ekf.fleet.remaining import Limit
+from rw_ekf.fleet.trend_findings import concern_of, days_about, finding_kinds, level_day, sentences
 from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend
 from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.numbers import plus_minus
-from rw_ekf.shown import Shown
+from rw_ekf.result_display import Shown
 
 SCHEMA = "rw_ekf.fleet_trends/1"
 _BAND = 1.959963984540054  # sigmas of 95 %

@@ -65,7 +65,7 @@ def diagnose_window(task: WindowTask) -> str:
 
 def _diagnosed(task: WindowTask) -> tuple[dict[str, Any], str | None]:
     """The document of the diagnosis, and the model it found. Raises RwEkfError where it cannot be made."""
-    from rw_ekf.diagnosis.diagnose import diagnose_log
+    from rw_ekf.diagnosis.log_diagnosis import diagnose_log
     from rw_ekf.fleet.log_days import days_of_log
     from rw_ekf.fleet.task import given
     from rw_ekf.logs.metadata import moment_of

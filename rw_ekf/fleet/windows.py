@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.filter.consistency import FALSE_ALARM
 from rw_ekf.filter.tails import binomial_tail
-from rw_ekf.fleet.findings import finding_kinds, rows_about
+from rw_ekf.fleet.trend_findings import finding_kinds, rows_about
 from rw_ekf.fleet.wheel_trends import WheelTrend
 
 # Chance that a wheel whose residual is noise is looked at for it, over its whole record. A tenth or ten times of it

@@ -13,9 +13,9 @@ from typing import Any
 from rw_ekf.c_code.c_types import NotPrintableError
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight import fmu_description as at
+from rw_ekf.flight.exported_plant import plant_of
 from rw_ekf.flight.fmu_description import Version, build_description, description, variables_of
 from rw_ekf.flight.fmu_libraries import Platform, libraries
-from rw_ekf.flight.plant import plant_of
 from rw_ekf.flight.plant_files import PrintedPlant, plant_header, plant_source, printed_plant
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.logs.atomic import atomic_path

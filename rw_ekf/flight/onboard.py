@@ -14,7 +14,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.decisions import MISSING, RESEEDED, UPDATED, timing
+from rw_ekf.filter.gating import MISSING, RESEEDED, UPDATED, timing
 from rw_ekf.filter.health import (
     NOT_FINITE,
     NOTHING,

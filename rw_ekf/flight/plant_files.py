@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rw_ekf.c_code.c_program import Program
 from rw_ekf.c_code.c_text import definitions, prototypes, public_structures
 from rw_ekf.c_code.c_types import ATOM, Scalar, Value
-from rw_ekf.flight import plant
+from rw_ekf.flight import exported_plant
 from rw_ekf.flight.c_files import start_of
 from rw_ekf.flight.own_formulas import FORMULA_BOUNDS, formulas_instead
 from rw_ekf.model.friction import Stribeck
@@ -22,7 +22,7 @@ _LAG_TURNS = 320
 class PrintedPlant:
     """What is printed of a wheel."""
 
-    held: plant.Plant
+    held: exported_plant.Plant
     table: EffectTable
     stribeck: Stribeck
 
@@ -47,11 +47,11 @@ def printed_plant(of: PrintedPlant) -> Program:
     program.name_known(of.stribeck, "stribeck")
     program.name_known(of.table, "effects")
     table, stribeck = Value("", None, ATOM, of.table), Value("", None, ATOM, of.stribeck)
-    around = Value("around", program.structure(plant.Surroundings))
+    around = Value("around", program.structure(exported_plant.Surroundings))
     amount = Value("", Scalar("real"))
-    program.entry(plant.begin, "rw_wheel_begin", [held, table, amount])
-    program.entry(plant.turn, "rw_wheel_turn", [held, table, stribeck, around, amount])
-    program.entry(plant.friction_now, "rw_wheel_friction", [held, table, stribeck, around])
+    program.entry(exported_plant.begin, "rw_wheel_begin", [held, table, amount])
+    program.entry(exported_plant.turn, "rw_wheel_turn", [held, table, stribeck, around, amount])
+    program.entry(exported_plant.friction_now, "rw_wheel_friction", [held, table, stribeck, around])
     return program
 
 

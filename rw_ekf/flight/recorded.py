@@ -14,7 +14,7 @@ from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.predictive_crossing import PredictiveCrossing
 from rw_ekf.control.compensation.scheme import Compensation
 from rw_ekf.filter.estimator import OUTCOMES, Estimator
-from rw_ekf.filter.physician import TROUBLES
+from rw_ekf.filter.health_monitor import TROUBLES
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import FrictionCurve

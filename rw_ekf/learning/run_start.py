@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import BadInputError, ConfigError
-from rw_ekf.learning.carry import aged, carried_over
+from rw_ekf.learning.aged_model import aged, carried_over
 from rw_ekf.learning.learned_file import Learned, content_of, fingerprint, out_of_bounds, read_learned
 from rw_ekf.starting_point import FilterSetup, model_of, setup_of_configuration, setup_of_start
 from rw_ekf.wheel.model_file import WheelModel

@@ -24,7 +24,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.free_path import free_trajectory
 from rw_ekf.likelihood.gauss_newton import log_prior, smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, linearise
-from rw_ekf.likelihood.model import Model, prior_rows
+from rw_ekf.likelihood.model_vector import Model, prior_rows
 from rw_ekf.likelihood.profile import Likelihood, at_ratio, uncorrected
 
 _TURNS = 12

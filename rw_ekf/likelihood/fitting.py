@@ -22,7 +22,7 @@ from rw_ekf.likelihood.gauss_newton import (
     smoothed_trajectory,
 )
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, follows_angle, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.phase_particles import LostAngle
 from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from rw_ekf.course.free_run import free_run
 from rw_ekf.likelihood.linearisation import Noise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
 from rw_ekf.model.state import SPEED
 

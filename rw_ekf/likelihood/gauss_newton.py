@@ -13,14 +13,14 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from rw_ekf.filter.belief import Belief
+from rw_ekf.likelihood.filter_over_record import filtered_trajectory
 from rw_ekf.likelihood.free_path import free_trajectory
-from rw_ekf.likelihood.frozen_filter import filtered_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, linearise
-from rw_ekf.likelihood.model import Model, prior_rows
+from rw_ekf.likelihood.model_vector import Model, prior_rows
 from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
 from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood
 from rw_ekf.likelihood.whitening import smooth
-from rw_ekf.likelihood.work import FITS
+from rw_ekf.likelihood.work_budget import FITS
 
 TURNS = 8
 SMALL_STEP = 0.05  # standard deviations

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.levels import Integrated
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.likelihood.unknown_past import variance_of_past
 from rw_ekf.likelihood.whitening import Chain, innovations_of, whiten
-from rw_ekf.likelihood.work import whitening_units
+from rw_ekf.likelihood.work_budget import whitening_units
 from rw_ekf.model.state import SPEED
 
 _ANY_PHASE = math.pi / math.sqrt(3.0)  # standard deviation of a phase of which nothing is known

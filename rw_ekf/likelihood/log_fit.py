@@ -18,15 +18,15 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import STRIBECK
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import Consistency, consistency_of
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.evenness import unevenness
-from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.noise_evenness import unevenness
+from rw_ekf.filter.parameters_held import frozen, without_drift
 from rw_ekf.likelihood.fitting import Fit, at_standstill
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record, state_vector
 from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
@@ -152,7 +152,7 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     coefficients = np.array([*fit.parameters, *fit.effects.values])
     mean, covariance = frozen(fit.parameters, state_vector(coefficients, fit.effects))
     run = filter_log(course, without_drift(constants), mean, covariance, fit.effects)
-    consistency = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+    consistency = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == gating.UPDATED)
     with_memory = linearised.memory_jacobian.size > 0  # what would be added has no slope by the memory
     p_value = None if with_memory else structure(fit.fit).p_value
     uneven = unevenness(left, away)

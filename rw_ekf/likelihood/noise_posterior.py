@@ -19,7 +19,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation, Noise
-from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.model_vector import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, Likelihood, Rows, at_ratio
 
 # Any power above 0 is proper at zero. At 1/2 (flat in sqrt(q)) sigmas are too wide where there is little torque noise,

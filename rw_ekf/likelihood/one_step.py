@@ -22,7 +22,7 @@ from rw_ekf.course.grid import grid_of
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.likelihood.levels import CurrentLevels, Levels
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
-from rw_ekf.likelihood.work import Work, pass_units, unlimited
+from rw_ekf.likelihood.work_budget import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet, EffectTable

@@ -13,8 +13,8 @@ from dataclasses import replace
 
 from rw_ekf.identify.record_scale import STRIBECK_SHARE_OF_TOP_SPEED
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.work import MOST_UNITS
+from rw_ekf.likelihood.model_vector import Model
+from rw_ekf.likelihood.work_budget import MOST_UNITS
 from rw_ekf.model.state import MOTOR_GAIN, STATIC
 
 _RATIOS = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0, 4.0)  # of the share of the top speed that is guessed first

@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.linearisation import Linearisation, Noise
-from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.model_vector import prior_rows
 
 # Of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise.
 LEAST_RATIO = 1.0e-7

@@ -13,11 +13,11 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import OUTLIER_SHARE, OUTLIER_STDS
+from rw_ekf.likelihood.filter_over_record import run_frozen
 from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
 from rw_ekf.model.state import PARAMETER_NAMES, SPEED
 

@@ -17,7 +17,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.model_vector import prior_rows
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.profile import LEAST_RATIO
 from rw_ekf.model.effect import Term

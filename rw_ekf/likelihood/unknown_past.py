@@ -12,7 +12,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import state_vector
 from rw_ekf.wheel.effect_table import ABSENT
 from rw_ekf.wheel.window import lateness

@@ -20,8 +20,8 @@ from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import Task, turns_of_run
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel, Place
-from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.oversight import ALONE, Oversight
+from rw_ekf.live.run_outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal, resume_signal_of
 from rw_ekf.records import RunState, StateNow
 

@@ -13,23 +13,23 @@ from rw_ekf.control.commanders import Commander, commander_of
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.run_start import GivenModel, Start, start_of_run
-from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.compensating import compensated, request_socket
 from rw_ekf.live.confirm_sign import confirming
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.loop import following, turns
-from rw_ekf.live.outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.oversight import ALONE, Oversight
+from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.process import own_process
 from rw_ekf.live.published_place import leave_place
+from rw_ekf.live.run_outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.watches import RunWatches, expectation_of
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.records import Reading
 from rw_ekf.sinks.all_sinks import RunContext, sinks_of
 from rw_ekf.sinks.guarded_sink import GuardedSink
-from rw_ekf.sinks.learned import Learning
+from rw_ekf.sinks.learned_sink import Learning
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles
 from rw_ekf.starting_point import FilterSetup

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ZERO_BY_MODE, ZERO_BY_RESET, WheelDriver
 from rw_ekf.errors import DriverError
-from rw_ekf.live.heeding import Heeding, is_refused
-from rw_ekf.live.zero_sight import COURSE, Slowing, ZeroSight
+from rw_ekf.live.command_acceptance import Heeding, is_refused
+from rw_ekf.live.zero_in_force import COURSE, Slowing, ZeroSight
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm
 

@@ -15,7 +15,7 @@ from rw_ekf.live.guard import SafetyLimits, SpeedLimit
 from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.live.timing import SampleTime
-from rw_ekf.live.zero_sight import Slowing
+from rw_ekf.live.zero_in_force import Slowing
 from rw_ekf.records import (
     Controller,
     IssuedCommand,

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from rw_ekf.clock import Clock
 from rw_ekf.live.stop_signal import StopSignal
-from rw_ekf.parent import die_with_parent
+from rw_ekf.parent_process import die_with_parent
 from rw_ekf.records import StateNow
 
 TURN, OVER, TOLD = b".", b"o", b"t"

@@ -11,7 +11,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rw_ekf.live.claim import DIRECTORIES, put_shared, shared_directory
+from rw_ekf.live.port_claim import DIRECTORIES, put_shared, shared_directory
 from rw_ekf.plain_file import read_plain
 from rw_ekf.sinks.run_files import lasting_stem, state_path
 

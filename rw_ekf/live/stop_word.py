@@ -13,7 +13,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.live.claim import DIRECTORIES, put_shared, shared_directory
+from rw_ekf.live.port_claim import DIRECTORIES, put_shared, shared_directory
 from rw_ekf.live.port_name import names_of
 from rw_ekf.live.process import facts_of, other_processes, own_process
 from rw_ekf.plain_file import json_of, read_plain

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rw_ekf.clock import Clock
 from rw_ekf.console import STATUS
 from rw_ekf.errors import DriverError
-from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.guard import STAND_DOWN_S, zero_each
 from rw_ekf.live.oversight import OVER, TOLD, TURN, Heartbeat
+from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.process import ProcessHandle
 from rw_ekf.live.stop_signal import ForwardedSignals
 from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop

@@ -8,14 +8,14 @@ from functools import cache
 from pathlib import Path
 
 from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.checksums import Sums, damage_of, sums_of, sums_path
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.csv_table import csv_in_parts, read_csv_table
-from rw_ekf.logs.format import LogFormat
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
+from rw_ekf.logs.log_format import LogFormat
 from rw_ekf.logs.log_text import LogText, Packing
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.sums import Sums, damage_of, sums_of, sums_path
 
 _PACKED: tuple[tuple[bytes, Packing], ...] = ((b"\x1f\x8b", "gzip"), (b"\x28\xb5\x2f\xfd", "zstd"))
 _NUMBERS = frozenset(READABLE_COLUMNS) - {"status"}  # which may be words, in somebody else's log

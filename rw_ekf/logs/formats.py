@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from rw_ekf.errors import EmptyLogError, LogError, reason_of
-from rw_ekf.logs.format import HEAD_BYTES, LogFormat
+from rw_ekf.logs.log_format import HEAD_BYTES, LogFormat
 from rw_ekf.plugins import loaded_as, registered
 
 _OWN = {
@@ -23,7 +23,7 @@ _OWN = {
     "mdf": "rw_ekf.logs.foreign.mdf:FORMAT",
     "tdms": "rw_ekf.logs.foreign.tdms:FORMAT",
     "lvm": "rw_ekf.logs.foreign.lvm:FORMAT",
-    "mcap": "rw_ekf.logs.foreign.mcap:FORMAT",
+    "mcap": "rw_ekf.logs.foreign.mcap_log:FORMAT",
     "sqlite": "rw_ekf.logs.foreign.database:SQLITE",
     "sql": "rw_ekf.logs.foreign.database:FORMAT",
     "rosbag2": "rw_ekf.logs.foreign.rosbag:FORMAT",
@@ -33,8 +33,8 @@ _OWN = {
     "can": "rw_ekf.logs.foreign.can_log:FORMAT",
     "octave": "rw_ekf.logs.foreign.octave:FORMAT",
     "igor": "rw_ekf.logs.foreign.igor:FORMAT",
-    "influx_csv": "rw_ekf.logs.foreign.influx:ANNOTATED",
-    "influx": "rw_ekf.logs.foreign.influx:FORMAT",
+    "influx_csv": "rw_ekf.logs.foreign.influx_log:ANNOTATED",
+    "influx": "rw_ekf.logs.foreign.influx_log:FORMAT",
     "json": "rw_ekf.logs.foreign.json_records:FORMAT",
     "yaml": "rw_ekf.logs.foreign.json_records:YAML",
     "csv": "rw_ekf.logs.csv_log:FORMAT",

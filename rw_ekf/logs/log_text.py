@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from rw_ekf.errors import EmptyLogError, LogError
-from rw_ekf.logs.packing import seal_of
+from rw_ekf.logs.part_compression import seal_of
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -12,8 +12,8 @@ import numpy as np
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_names import role_of, said_by
-from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.labels import labelled_matrix, says_how_large, with_labels
+from rw_ekf.logs.log_format import LogFormat, noting_suffix
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of, vectors_of

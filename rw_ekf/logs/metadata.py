@@ -11,8 +11,8 @@ from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.checksums import note_file
 from rw_ekf.logs.parts import beside
-from rw_ekf.logs.sums import note_file
 from rw_ekf.records import WheelIdentity
 
 

@@ -8,10 +8,10 @@ from typing import Any, BinaryIO
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.labels import unit_and_remark
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
+from rw_ekf.logs.log_format import LogFormat, noting_suffix
 from rw_ekf.logs.raw_table import RawTable
 
 _ROWS_AT_ONCE = 1 << 15  # their columns and what a filter leaves of them fit into the processor's cache

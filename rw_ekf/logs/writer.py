@@ -17,8 +17,8 @@ from typing import Self
 from zlib import crc32
 
 from rw_ekf.logs.atomic import begun_file
+from rw_ekf.logs.checksums import Block, note_block
 from rw_ekf.logs.log_columns import LOG_COLUMNS
-from rw_ekf.logs.sums import Block, note_block
 from rw_ekf.plain_file import write_whole
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
@@ -42,7 +42,7 @@ def cell(value: float | str | None) -> str:
 class RowWriter:
     """A CSV file that grows by whole lines. Never overwrites: a log that exists is someone's data.
 
-    What is written is summed, and the sum noted beside the file whenever it is synced (`rw_ekf.logs.sums`).
+    What is written is summed, and the sum noted beside the file whenever it is synced (`rw_ekf.logs.checksums`).
     """
 
     def __init__(self, path: str | Path, columns: Iterable[str]) -> None:

@@ -27,8 +27,8 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from rw_ekf.errors import BadInputError
+from rw_ekf.page.diagnosis_on_request import Reports
 from rw_ekf.page.run_feed import POINTS, Believed, RunFeed, RunTail, believed_of, runs_in
-from rw_ekf.page.run_report import Reports
 
 STATIC = Path(__file__).parent / "static"
 _FILES = {"page.js": "text/javascript", "panes.js": "text/javascript", "page.css": "text/css",

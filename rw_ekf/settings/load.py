@@ -34,7 +34,7 @@ from rw_ekf.settings.schema import (
     LoopSection,
     WheelSection,
 )
-from rw_ekf.settings.wheels import WHEELS, entries_of, shared_findings
+from rw_ekf.settings.several_wheels import WHEELS, entries_of, shared_findings
 
 SHAPED_PROFILES = frozenset({"sine", "steps", "random-sines"})  # those that use amplitude_A and bias_A
 _PLACE = re.compile(r":(\d+):(\d+): ")

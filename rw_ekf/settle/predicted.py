@@ -14,11 +14,11 @@ from rw_ekf.course.free_run import free_run
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import LAW_NAMES
-from rw_ekf.settle.what_stands import Explanation, Standing
+from rw_ekf.settle.standing_explanations import Explanation, Standing
 
 _FIRST_SPREAD = 0.3  # of the speed noise
 _REST_TICKS = 10  # before a motion: what lags or comes late there is the current of none

@@ -10,8 +10,8 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.settle.limits import MotionLimits
-from rw_ekf.settle.moves import Bounds, Move, currents, draw_move
+from rw_ekf.settle.motion_limits import MotionLimits
+from rw_ekf.settle.named_moves import Bounds, Move, currents, draw_move
 from rw_ekf.settle.predicted import Scene, divergences
 
 LOOKED_AT = 240  # motions, those of `_usual` among them

@@ -14,7 +14,7 @@ from rw_ekf.plugins import added, loaded_as, refused
 from rw_ekf.records import Sink, Tick
 from rw_ekf.sinks.events import EventsSink
 from rw_ekf.sinks.guarded_sink import GuardedSink, Queue
-from rw_ekf.sinks.learned import LearnedSink
+from rw_ekf.sinks.learned_sink import LearnedSink
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.run_context import RunContext, SinkKind

@@ -21,10 +21,10 @@ class ArraySink:
     def __init__(self, n: int, advance: Callable[[int], object], size: int) -> None:
         import numpy as np
 
-        from rw_ekf.filter import decisions
-        from rw_ekf.filter.physician import TROUBLES
+        from rw_ekf.filter import gating
+        from rw_ekf.filter.health_monitor import TROUBLES
 
-        self._codes = {outcome: getattr(decisions, outcome.name) for outcome in Outcome}
+        self._codes = {outcome: getattr(gating, outcome.name) for outcome in Outcome}
         self._troubles = {trouble: code for code, trouble in TROUBLES.items()}
         self._row = 0
         self._advance = advance

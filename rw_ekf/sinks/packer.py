@@ -12,7 +12,7 @@ from rw_ekf.sinks.run_files import Note
 _CHILD = """
 import json, sys
 sys.path[:], names = json.loads(sys.argv[1])
-from rw_ekf.logs.packing import main
+from rw_ekf.logs.part_compression import main
 sys.exit(main(names))
 """
 _CLOSE_WITHIN_S = 5.0

@@ -12,7 +12,7 @@ from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.guarded_sink import Queue
-from rw_ekf.sinks.learned import Learning
+from rw_ekf.sinks.learned_sink import Learning
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
 from rw_ekf.statistics import LoopTiming, RunStatistics

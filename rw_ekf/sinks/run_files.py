@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.errors import RwEkfError
 from rw_ekf.logs.atomic import make_folder
+from rw_ekf.logs.checksums import sums_path
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.parts import FORMS, beside
 from rw_ekf.logs.run_directory import model_path, start_path
-from rw_ekf.logs.sums import sums_path
 from rw_ekf.plain_file import file_part
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ that, the first term of which is what the estimator itself leaves open: the guar
 What the estimator believes is what the readings made it believe, so it counts only as far as a wheel can be like that:
 a gain of no less than three quarters of what this run has shown, friction of neither sign's wrong side nor beyond three
 times what the run began with. With 0.05, 0.1 and 0.75 moved by 30 % the largest true speed under a lying reading moves
-by less than 0.05 of the limit (tools/measure/liar.py).
+by less than 0.05 of the limit (tools/measure/lying_telemetry.py).
 
 [CK13]: docs/model.md.
 """

@@ -17,7 +17,7 @@ from rw_ekf.checking.wording import shown
 from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.logs.sums import changed
+from rw_ekf.logs.checksums import changed
 from rw_ekf.model.bounds import ASSUMED
 from rw_ekf.model.effect import Term
 from rw_ekf.model.effect_kinds import FormulaEffect

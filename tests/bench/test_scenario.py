@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.attitude_bench.bench_wheels import drawn_wheel
 from rw_ekf.attitude_bench.prepare import REPRESENTATIVE, scenario_of, schemes_of, with_wheel_of
 from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
-from rw_ekf.attitude_bench.wheels import drawn_wheel
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import BadInputError, ConfigError

@@ -7,10 +7,10 @@ import pytest
 
 from rw_ekf.attitude_bench.bench_run import run_bench
 from rw_ekf.attitude_bench.bench_start import POOR_SHARE, poor_prior, start_of
+from rw_ekf.attitude_bench.bench_wheels import nominal
 from rw_ekf.attitude_bench.contest import Entry, run_entry
 from rw_ekf.attitude_bench.metrics import metrics_of
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.wheels import nominal
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.records import Tick

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rw_ekf.attitude_bench.bench_start import POOR_SHARE, diagnosed, start_of
+from rw_ekf.attitude_bench.bench_wheels import deterministic, drawn_wheel, nominal
 from rw_ekf.attitude_bench.scenario import Scenario
-from rw_ekf.attitude_bench.wheels import deterministic, drawn_wheel, nominal
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError

@@ -207,7 +207,9 @@ def test_what_cannot_be_done_is_refused_before_the_work(
 ) -> None:
     """Status 2, one sentence with the name and what is wrong, the same as a document, and no diagnosis begun."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("rw_ekf.diagnosis.diagnose.diagnose_log", lambda *_, **__: pytest.fail("the work was begun"))
+    monkeypatch.setattr(
+        "rw_ekf.diagnosis.log_diagnosis.diagnose_log", lambda *_, **__: pytest.fail("the work was begun")
+    )
     for log in ("log.csv", "report.html"):
         write_columns(tmp_path / log, head(120))
     (tmp_path / "magic.yaml").write_text(MAGIC, encoding="utf-8")

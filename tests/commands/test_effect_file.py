@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.cli import main
-from tools.proof.nameless import Law, Made, Nameless
+from tools.proof.uncatalogued_laws import Law, Made, Nameless
 
 FILE = (
     'eddy: {drag: "a * omega / (1 + (omega / w0)**2)", a: {unit: 1/s}, w0: {unit: rad/s, start: 50, range: [1, 500]}}\n'

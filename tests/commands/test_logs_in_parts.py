@@ -11,7 +11,7 @@ import pytest
 
 from rw_ekf.cli import main
 from rw_ekf.control.commanders import logged_profile
-from rw_ekf.logs.packing import pack
+from rw_ekf.logs.part_compression import pack
 from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.reader import read_log
 from rw_ekf.settings.load import load_configuration

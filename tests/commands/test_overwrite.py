@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.cli import main
-from rw_ekf.logs.packing import pack
+from rw_ekf.logs.part_compression import pack
 from rw_ekf.logs.parts import part_path
 from tests.commands.logs import profile_log
 

@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.commissioning.progress import STEPS, Progress
-from rw_ekf.commissioning.steps import commission
+from rw_ekf.commissioning.step_order import commission
 from rw_ekf.errors import BadInputError, DriverError
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration

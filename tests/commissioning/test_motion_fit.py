@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rw_ekf.commissioning.bench import Row
+from rw_ekf.commissioning.guarded_wheel import Row
 from rw_ekf.commissioning.motion_fit import fit_delay, fit_late_motion, fit_motion
 
 GAIN, COULOMB, VISCOUS = 7.0, 0.9, 0.004

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.course.acting_temperature import acting_temperature
-from rw_ekf.filter.surroundings import Gatherer
+from rw_ekf.filter.interval_inputs import Gatherer
 from rw_ekf.records import WheelSample
 
 TIME = np.arange(0.0, 300.0, 0.5)

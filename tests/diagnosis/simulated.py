@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
@@ -19,7 +19,7 @@ from rw_ekf.filter.constants import filter_constants
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Problem, Start, smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.friction import GAUSS, Stribeck

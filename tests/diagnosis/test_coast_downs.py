@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from tests.diagnosis.coast_downs import Drag, between, coast_down, cubic, event
 
 STEADY = {"quadratic_drag", "cubic_drag"}

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rw_ekf.api import simulate
 from rw_ekf.diagnosis.checks import confirmation
 from rw_ekf.diagnosis.checks.heldout import Performance, performance, performance_by_turns
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.public import simulate
 
 BEFORE = {
     "one_step_rms_rpm": 1.00, "horizon_1s_rms_rpm": 1.0, "horizon_20s_rms_rpm": 1.5, "free_run_rms_rpm": 2.0,

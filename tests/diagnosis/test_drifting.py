@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.logs.wheel_log import WheelLog

@@ -11,14 +11,14 @@ import pytest
 
 from rw_ekf.course.course import Course
 from rw_ekf.course.warming import Warming, warming_of
-from rw_ekf.diagnosis.diagnose import diagnose_log, richer_part
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log, richer_part
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
-from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.model_vector import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO
 from rw_ekf.model.effect import Term
 from tests.contract import check_document

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.hindsight import belief_of_log, run_of_log
 from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.logs.wheel_log import WheelLog

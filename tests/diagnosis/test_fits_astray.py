@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.drivers.sim.plant_batch import simulate_run
@@ -16,7 +16,7 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import fit_model
 from rw_ekf.likelihood.gauss_newton import Start
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Trajectory
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -24,8 +24,8 @@ from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis import simulated as plant
 from tests.diagnosis.simulated import fitted, record_of, simulated
 from tools.proof.marks import case_called
-from tools.proof.nameless import Nameless
 from tools.proof.plants import log_of, run_of
+from tools.proof.uncatalogued_laws import Nameless
 
 
 def test_a_sine_is_followed_from_a_line_beside_its_own() -> None:

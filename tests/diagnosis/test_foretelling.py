@@ -11,10 +11,10 @@ import pytest
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.investigate.foretelling import NOTE, NOTE_SLOWER, as_it_foretells
-from rw_ekf.diagnosis.investigate.learned import with_laws
+from rw_ekf.diagnosis.investigate.law_rows import with_laws
 from rw_ekf.diagnosis.investigate.rounding import investigated
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.verdict.conclude import conclude

@@ -10,7 +10,7 @@ import pytest
 
 import rw_ekf
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.report.cause import cause_curves
+from rw_ekf.diagnosis.report.cause_curve import cause_curves
 from rw_ekf.diagnosis.report.words import Units
 
 PERIOD_S, FINER = 0.1, 50

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.result import Diagnosis
@@ -21,7 +21,7 @@ from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 from tools.measure.laws import judged
-from tools.proof.nameless import C, Nameless
+from tools.proof.uncatalogued_laws import C, Nameless
 
 pytestmark = pytest.mark.slow
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.checks.checks import Check
-from rw_ekf.diagnosis.diagnose import richer_part
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.investigate import learned
+from rw_ekf.diagnosis.investigate import law_rows
 from rw_ekf.diagnosis.investigate.found import mapped
 from rw_ekf.diagnosis.ledger import choice, growth
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.ledger.growth import begun, grown
 from rw_ekf.diagnosis.ledger.ledger import Ledger
+from rw_ekf.diagnosis.log_diagnosis import richer_part
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.standing import Decision, Reason
@@ -29,7 +29,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, _sigmas
 from rw_ekf.model.effect import Candidate, Term
 from tests.diagnosis.simulated import log_of, simulated
-from tools.proof.nameless import Nameless
+from tools.proof.uncatalogued_laws import Nameless
 
 
 @lru_cache
@@ -202,10 +202,10 @@ def test_what_became_of_a_law_that_does_not_stand_is_kept(monkeypatch: pytest.Mo
     prepared = windy()
     ledger, selection = begun(prepared.base, prepared.facts)
     monkeypatch.setattr(
-        learned, "grown_with_laws",
+        law_rows, "grown_with_laws",
         lambda there, rows, found, laws: growth._with_laws(there, rows.rows[0], rows, found, laws, most=1),
     )  # fmt: skip
-    monkeypatch.setattr(learned, "chosen", lambda _, __, rows, found: (rows, replace(found, final=rows.base)))
-    found = learned.with_laws(mapped(prepared, selection, ledger), lambda text: None)
+    monkeypatch.setattr(law_rows, "chosen", lambda _, __, rows, found: (rows, replace(found, final=rows.base)))
+    found = law_rows.with_laws(mapped(prepared, selection, ledger), lambda text: None)
     assert any("learned_law" in row.effects for row in found.weighed)
     assert "learned_law" in found.selection.trials

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.likelihood.levels import Integrated, Levels
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.logs.wheel_log import WheelLog

@@ -17,7 +17,7 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.likelihood.fitting import fit_model
 from rw_ekf.likelihood.gauss_newton import Problem, Start, smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, predict
 from rw_ekf.likelihood.profile import likelihood
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term

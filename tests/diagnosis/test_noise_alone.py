@@ -7,9 +7,9 @@ import pytest
 
 from rw_ekf.diagnosis.checks.noise_alone import noise_draws, p_values_by_draws
 from rw_ekf.diagnosis.checks.residual_map import covers_of
-from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.hypotheses.group import fit_group, statistics_alone
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.joint_regressors import fit_group, statistics_alone
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from tests.diagnosis.simulated import log_of, simulated

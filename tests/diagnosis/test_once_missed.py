@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.report.words import Units, headline_of
 from tools.proof.marks import case_called
 from tools.proof.plants import log_of

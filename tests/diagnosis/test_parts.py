@@ -8,8 +8,8 @@ import numpy as np
 
 from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import by_fit_part
-from rw_ekf.diagnosis.diagnose import richer_part
 from rw_ekf.diagnosis.hypotheses.excitation import information
+from rw_ekf.diagnosis.log_diagnosis import richer_part
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.drivers.sim.plant_batch import simulate_run

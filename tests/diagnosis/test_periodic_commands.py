@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from tests.diagnosis.simulated import log_of, simulated
 
 

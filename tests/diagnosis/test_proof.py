@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.reader import read_log

@@ -22,7 +22,7 @@ from rw_ekf.diagnosis.report.binning import (
     thinned_line,
     window_sums,
 )
-from rw_ekf.diagnosis.report.page import write_report
+from rw_ekf.diagnosis.report.diagnosis_page import write_report
 from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.result import Diagnosis
@@ -119,8 +119,8 @@ def test_pictures_that_cannot_be_drawn_cost_nothing_else(
     def fails(*_: object) -> bytes:
         raise PictureError("no ink")
 
-    monkeypatch.setattr("rw_ekf.diagnosis.report.page.speed_picture", fails)
-    monkeypatch.setattr("rw_ekf.diagnosis.report.page.residual_picture", fails)
+    monkeypatch.setattr("rw_ekf.diagnosis.report.diagnosis_page.speed_picture", fails)
+    monkeypatch.setattr("rw_ekf.diagnosis.report.diagnosis_page.residual_picture", fails)
     with pytest.raises(PictureError, match=r"^speed\.png, residual\.png: no ink$"):
         report(found, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == ALL_FILES - {"speed.png", "residual.png"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.report.binning import binned_means
-from rw_ekf.diagnosis.report.cause import cause_curves
+from rw_ekf.diagnosis.report.cause_curve import cause_curves
 from rw_ekf.diagnosis.report.curves import Curve
 from rw_ekf.diagnosis.report.template_engine import prose_parts
 from rw_ekf.diagnosis.report.words import Units

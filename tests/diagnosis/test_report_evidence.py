@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rw_ekf.diagnosis.report.page import evidence_picture
+from rw_ekf.diagnosis.report.diagnosis_page import evidence_picture
 
 _SVG = "{http://www.w3.org/2000/svg}"
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from rw_ekf.diagnosis.report.next_steps import commands, next_steps
 from rw_ekf.diagnosis.report.residual_panels import _marked
-from rw_ekf.diagnosis.report.steps import commands, next_steps
 from rw_ekf.diagnosis.report.words import Units, gain_text, headline_of, percent_text
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.diagnosis.verdict.document import in_words

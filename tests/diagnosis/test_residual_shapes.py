@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.diagnosis.checks.residual_map import residual_map
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.verdict.shapes import Axis, Curve, _sentence, shapes_of
+from rw_ekf.diagnosis.verdict.residual_curves import Axis, Curve, _sentence, shapes_of
 from rw_ekf.model.state import CK13_STATISTICAL
 from tests.diagnosis.simulated import log_of, simulated
 

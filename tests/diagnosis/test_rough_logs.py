@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.prepare.split import split_record
 from rw_ekf.effects.catalogue import CATALOGUE

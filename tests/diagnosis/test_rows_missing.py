@@ -9,7 +9,7 @@ import pytest
 
 from rw_ekf.arrays import BoolArray
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise

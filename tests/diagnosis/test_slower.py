@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.slower import one_of_each, slower
 from rw_ekf.diagnosis.prepare.source import source_of

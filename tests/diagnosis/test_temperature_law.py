@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.wheel.model_file import WheelModel
-from tools.proof.nameless import Nameless
+from tools.proof.uncatalogued_laws import Nameless
 
 SLOPE_1_K = -0.08  # of the wheel, which another integrator made
 

@@ -9,7 +9,7 @@ import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding, _p_values, noise_findings
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.thresholds import NOISE_P

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from rw_ekf.diagnosis.checks.residual_map import residual_map
-from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.learned_laws import likeliest_laws
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from tests.diagnosis.simulated import log_of, simulated

@@ -9,13 +9,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from rw_ekf.diagnosis.checks.excess_noise import NOTHING
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.checks.residual_map import Dependence
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, residual_tests
-from rw_ekf.diagnosis.checks.swallowed import NOTHING
-from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.investigation import investigate
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import facts_of, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.verdict import conclude

@@ -9,7 +9,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise

@@ -19,7 +19,7 @@ from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.sinks.all_sinks import StatisticsSink
 from rw_ekf.sinks.events import EventsSink
-from rw_ekf.sinks.learned import LearnedSink
+from rw_ekf.sinks.learned_sink import LearnedSink
 from rw_ekf.sinks.log import LogSink
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.state_file import StateFileSink

@@ -20,7 +20,7 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, Pla
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
@@ -133,12 +133,12 @@ def test_speed_spikes_are_gated(tmp_path: Path, count: int, rpm: float) -> None:
     held = Held(tmp_path)
     ran = held.run((AT_S, lambda: held.fault(f"spike:{rpm}")), (AT_S + 0.1 * count - 0.05, lambda: held.fault("")))
     passed = filtered(ran)
-    refused = np.flatnonzero((passed.outcome == decisions.GATED) | (passed.outcome == decisions.RESEEDED))
+    refused = np.flatnonzero((passed.outcome == gating.GATED) | (passed.outcome == gating.RESEEDED))
     spikes = np.flatnonzero(np.abs(passed.innovation_rad_s) > 0.5 * rpm * RAD_S_PER_RPM)
     assert count - 1 <= spikes.size <= count + 10
     assert set(spikes) <= set(refused)
     last = int(spikes[-1])
-    assert np.flatnonzero(passed.outcome[last + 1 :] == decisions.UPDATED)[0] <= 6
+    assert np.flatnonzero(passed.outcome[last + 1 :] == gating.UPDATED)[0] <= 6
     assert away(ran) < 4.5
     assert ran.outcome.state.state == "TRACKING"
     assert ran.outcome.zero_confirmed
@@ -163,10 +163,10 @@ def test_a_speed_that_really_jumped_is_taken_from_readings_that_agree(tmp_path: 
     ran = held.run((AT_S, lambda: held.push(10.0)), (AT_S + 20.0, resume))
     assert "SAFE" in ran.notes.states
     passed = filtered(ran)
-    at = int(np.flatnonzero(passed.outcome == decisions.RESEEDED)[0])
-    assert (passed.outcome[at - 4 : at] == decisions.GATED).all()
+    at = int(np.flatnonzero(passed.outcome == gating.RESEEDED)[0])
+    assert (passed.outcome[at - 4 : at] == gating.GATED).all()
     assert np.array_equal(passed.states[at, PARAMETERS], passed.states[at - 5, PARAMETERS])
-    assert np.count_nonzero(passed.outcome[at + 1 : at + 20] == decisions.UPDATED) >= 18
+    assert np.count_nonzero(passed.outcome[at + 1 : at + 20] == gating.UPDATED) >= 18
     assert away(ran) < 4.5
     assert ran.outcome.state.state == "TRACKING"
 
@@ -200,8 +200,8 @@ def test_a_host_that_was_stopped_goes_on_without_a_burst(tmp_path: Path, seconds
     assert np.max(steps) == pytest.approx(seconds, abs=1.0)
     passed = filtered(ran)
     at = int(np.argmax(steps)) + 1
-    assert passed.outcome[at] in (decisions.RESEEDED, decisions.MISSING)
-    assert np.flatnonzero(passed.outcome[at:] == decisions.UPDATED)[0] <= 10
+    assert passed.outcome[at] in (gating.RESEEDED, gating.MISSING)
+    assert np.flatnonzero(passed.outcome[at:] == gating.UPDATED)[0] <= 10
     assert np.isfinite(passed.states).all()
     assert away(ran) < 4.5
     assert ran.outcome.state.state == "TRACKING"
@@ -255,5 +255,5 @@ def test_a_wheel_clock_that_stands_or_jumps(tmp_path: Path, text: str) -> None:
     passed = filtered(ran)
     assert np.isfinite(passed.states).all()
     assert away(ran) < 4.5
-    assert np.count_nonzero(passed.outcome[-400:] == decisions.UPDATED) > 390
+    assert np.count_nonzero(passed.outcome[-400:] == gating.UPDATED) > 390
     assert ran.outcome.state.state == "TRACKING"

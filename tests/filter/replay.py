@@ -16,7 +16,7 @@ from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
-OUTCOMES = tuple(Outcome)  # in the order of the codes of rw_ekf.filter.decisions
+OUTCOMES = tuple(Outcome)  # in the order of the codes of rw_ekf.filter.gating
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from scipy.stats import binom
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.constants import chi_square_1_quantile
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.numbers import p_text
@@ -53,7 +53,7 @@ def test_bad_readings_teach_nothing(profile: str, kind: str) -> None:
         found = compiled(Columns(run.time_s, spoilt(kind, run, seed), run.current_A), constants_for(), prior)
         std = np.sqrt(np.diag(found.covariance)[1:])
         assert np.max(np.abs(found.mean[1:] - TRUTH) / std) < 4.0
-        assert np.count_nonzero(found.outcome == decisions.RESEEDED) == 0
+        assert np.count_nonzero(found.outcome == gating.RESEEDED) == 0
         clean = compiled(Columns(run.time_s, run.reading_rad_s, run.current_A), constants_for(), prior)
         np.testing.assert_allclose(std, np.sqrt(np.diag(clean.covariance)[1:]), rtol=0.3)
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter import decisions, health
+from rw_ekf.filter import gating, health
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
-from rw_ekf.filter.physician import troubles_of
+from rw_ekf.filter.health_monitor import troubles_of
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.model.state import CK13_STATISTICAL, MOTOR_GAIN, PARAMETERS, SPEED, FrictionParameters
 from rw_ekf.records import Estimate, FilterReset, FilterTrouble, IssuedCommand, Outcome, WheelSample
@@ -68,7 +68,7 @@ def test_a_wheel_that_changed_is_learned_anew(seed: int, change: dict[str, float
     assert troubles_of(run.mended) == [FilterTrouble.DIVERGED]
     assert 6000 < when[0] < 8000
     assert nees(run, truth) < 20.0
-    assert np.count_nonzero(run.outcome[-3000:] == decisions.GATED) < 30
+    assert np.count_nonzero(run.outcome[-3000:] == gating.GATED) < 30
 
 
 @pytest.mark.parametrize("noise", [3.0, 5.0, 0.3])
@@ -185,7 +185,7 @@ def test_a_step_that_no_wheel_can_take_locks_out_until_the_readings_have_agreed_
     log.speed_rad_s[3000:3110] += 100.0
     run = compiled(log, constants_for(), DEFAULT_PRIOR)
     assert troubles_of(run.mended) == [FilterTrouble.LOCKED_OUT]
-    assert np.count_nonzero(run.outcome[3110:3120] == decisions.UPDATED) >= 4
+    assert np.count_nonzero(run.outcome[3110:3120] == gating.UPDATED) >= 4
     at = int(np.flatnonzero(run.mended)[0])
     assert 3098 <= at <= 3110
     assert np.array_equal(run.states[at, PARAMETERS], run.states[at - 1, PARAMETERS])

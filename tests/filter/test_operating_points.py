@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.identifiability import Validity, report
@@ -51,7 +51,7 @@ def motion(name: str) -> Columns:
 def points_of(log: Columns, run: FilterRun) -> OperatingPoints:
     """Of a compiled pass."""
     found = OperatingPoints.of_wheel(CK13_STATISTICAL, OMEGA_S)
-    used = run.outcome == decisions.UPDATED
+    used = run.outcome == gating.UPDATED
     found.add_all(log.speed_rad_s[used], np.concatenate([[0.0], log.current_A[:-1]])[used])
     return found
 
@@ -90,7 +90,7 @@ def test_points_online_are_those_of_the_log(name: str) -> None:
         estimator.points.speeds, estimator.points.drives, estimator.points.creeping, estimator.points.starts
     )  # fmt: skip
     assert results[-1].valid == verdict(run, whole)
-    used = run.outcome == decisions.UPDATED
+    used = run.outcome == gating.UPDATED
     speed, current = log.speed_rad_s[used], np.concatenate([[0.0], log.current_A[:-1]])[used]
     pieces = OperatingPoints.of_wheel(CK13_STATISTICAL, OMEGA_S)
     for part in (slice(0, 1000), slice(1000, 1001), slice(1001, None)):

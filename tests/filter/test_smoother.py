@@ -7,8 +7,8 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.gating import UPDATED
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.units import RAD_S_PER_RPM

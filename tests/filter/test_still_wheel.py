@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.filter_run import FilterRun
@@ -74,10 +74,10 @@ def test_a_day_at_one_speed_teaches_what_it_shows_and_no_more(speed_rpm: float, 
         day = compiled(still_day(speed_rpm, seed, rate_hz), constants_for(), prior)
         assert nees(day) < 16.0
         assert smallest_correlation_eigenvalue(day.covariance) > 1e-8
-        assert np.count_nonzero(day.outcome != decisions.UPDATED) < 4e-4 * day.outcome.size
+        assert np.count_nonzero(day.outcome != gating.UPDATED) < 4e-4 * day.outcome.size
         after = compiled(reversing(speed_rpm * RAD_S_PER_RPM, seed), constants_for(), Belief(day.mean, day.covariance))
         assert nees(after) < 16.0
-        assert np.count_nonzero(after.outcome == decisions.GATED) < 60
+        assert np.count_nonzero(after.outcome == gating.GATED) < 60
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 
 import rw_ekf
 from rw_ekf.cli import main
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.diagnoses import Diagnosable, diagnose_windows, read_diagnoses, windows_asked
@@ -138,7 +138,7 @@ def test_a_full_disk_is_no_result(logs: Path, tmp_path: Path, monkeypatch: pytes
         found[:] = found or [diagnose_log(*asked)]
         return found[0]
 
-    monkeypatch.setattr("rw_ekf.diagnosis.diagnose.diagnose_log", diagnosed_once)
+    monkeypatch.setattr("rw_ekf.diagnosis.log_diagnosis.diagnose_log", diagnosed_once)
     with monkeypatch.context() as full:
         full.setattr("rw_ekf.logs.atomic.write_text", no_room)
         with pytest.raises(BadInputError, match=r"model\.yaml: cannot be written"):

@@ -191,7 +191,7 @@ def test_a_configuration_of_several_wheels_is_taken_with_the_name_of_one(
         taken.append(given["configuration"])
         raise rw_ekf.Error("far enough")
 
-    monkeypatch.setattr("rw_ekf.fleet.public.run", take)
+    monkeypatch.setattr("rw_ekf.fleet.fleet_api.run", take)
     asked = ["fleet", "run", str(tmp_path), "--config", "bus", "--scheduler", "none"]
     assert main(asked) == 2
     assert "say which one is meant: --wheel NAME, of rw-x, rw-y" in capsys.readouterr().err

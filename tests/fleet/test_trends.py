@@ -12,14 +12,14 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course, walks_of_fleet
 from rw_ekf.fleet.daily import WheelDays
-from rw_ekf.fleet.findings import finding_kinds
-from rw_ekf.fleet.page import page_of
+from rw_ekf.fleet.fleet_page import page_of
 from rw_ekf.fleet.points import course_of, far_off
 from rw_ekf.fleet.remaining import Limit, limits_of, remaining
 from rw_ekf.fleet.result_rows import own_share
 from rw_ekf.fleet.siblings import siblings_of
 from rw_ekf.fleet.simulation import FleetShape
 from rw_ekf.fleet.trend_document import Trends
+from rw_ekf.fleet.trend_findings import finding_kinds
 from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.one_thread import one_thread
 from tools.measure.fleet import daily_estimates

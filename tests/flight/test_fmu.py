@@ -19,10 +19,10 @@ from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.errors import BadInputError
+from rw_ekf.flight.exported_plant import PAST_MOST
 from rw_ekf.flight.fmu_description import Version
 from rw_ekf.flight.fmu_export import export_fmu, sources_of
 from rw_ekf.flight.fmu_libraries import platforms_of
-from rw_ekf.flight.plant import PAST_MOST
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL

@@ -12,8 +12,8 @@ from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.estimator import Estimator
+from rw_ekf.filter.health_monitor import TROUBLES
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.filter.physician import TROUBLES
 from rw_ekf.flight.self_test import SIGMAS
 from rw_ekf.log_simulation import simulate
 from rw_ekf.records import IssuedCommand, WheelSample

@@ -15,7 +15,7 @@ from rw_ekf.learning.learned_file import learned_text, out_of_bounds, read_learn
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.wheel_tag import WheelTag
-from tests.learning.test_carry import learned, start
+from tests.learning.test_aged_model import learned, start
 from tests.wheel.test_model_file import effect
 
 TAG = WheelTag(17, 6, 1, "sunspace-wheel", "ab" * 32, "/dev/ttyUSB0", sign_confirmed=True)

@@ -15,7 +15,7 @@ from rw_ekf.likelihood.by_simulation import by_simulation, error_of_run
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import FrictionParameters

@@ -9,7 +9,7 @@ from rw_ekf.arrays import Float64Array, spanning
 from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.constants import filter_constants
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import Stribeck

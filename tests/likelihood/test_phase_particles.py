@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.linearisation import Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.phase_particles import follow
 from rw_ekf.likelihood.whitening import Chain, whiten

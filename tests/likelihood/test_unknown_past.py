@@ -9,7 +9,7 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE

@@ -16,7 +16,7 @@ from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import Task, run_daemon
-from rw_ekf.live.outcome import RunOutcome
+from rw_ekf.live.run_outcome import RunOutcome
 from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog

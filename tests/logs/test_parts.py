@@ -13,10 +13,10 @@ import pytest
 
 from rw_ekf.errors import BadInputError, EmptyLogError, LogError
 from rw_ekf.logs import reader
-from rw_ekf.logs.format import LogFormat
 from rw_ekf.logs.formats import format_of
+from rw_ekf.logs.log_format import LogFormat
 from rw_ekf.logs.metadata import metadata_path
-from rw_ekf.logs.packing import pack, packed_path
+from rw_ekf.logs.part_compression import pack, packed_path
 from rw_ekf.logs.parts import PartName, part_path, parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog

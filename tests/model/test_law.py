@@ -13,7 +13,7 @@ from rw_ekf.course.free_run import free_run
 from rw_ekf.effects.catalogue import CHANGE, LEARNED
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.learning.carry import carried_over
+from rw_ekf.learning.aged_model import carried_over
 from rw_ekf.model.effect import Term
 from rw_ekf.model.law import ActsAs, Law, Quantity, arc, law_value, point, sums_of
 from rw_ekf.model.state import CK13_STATISTICAL

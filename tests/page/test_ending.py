@@ -26,7 +26,7 @@ SERVES = """
 import os, subprocess, sys, time
 from pathlib import Path
 from rw_ekf.page.server import Place
-from rw_ekf.page.serving import serve
+from rw_ekf.page.page_process import serve
 
 def stop():
     print("stopping", flush=True)

@@ -19,10 +19,10 @@ import pytest
 import uvicorn
 
 import rw_ekf
+from rw_ekf.page.diagnosis_on_request import Reports, report_path
+from rw_ekf.page.page_process import _listening
 from rw_ekf.page.run_feed import RunFeed
-from rw_ekf.page.run_report import Reports, report_path
 from rw_ekf.page.server import Access, Place, Watcher, page_app
-from rw_ekf.page.serving import _listening
 from tests.page.runs import RunOnDisk
 
 

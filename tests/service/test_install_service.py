@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.errors import BadInputError
-from rw_ekf.live.claim import DIRECTORIES
+from rw_ekf.live.port_claim import DIRECTORIES
 from rw_ekf.service.udev import by_id_name, rule_text
 from rw_ekf.service.unit import Service, line, path_word, unit_text, word
 from rw_ekf.settings.schema import OutputSection

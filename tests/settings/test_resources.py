@@ -9,9 +9,9 @@ import pytest
 from rw_ekf.cli import main
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings import resources
-from rw_ekf.settings.line import read_line
 from rw_ekf.settings.load import _yaml_value, load_configuration, load_configurations
 from rw_ekf.settings.schema import SECTIONS
+from rw_ekf.settings.stop_settings import read_line
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,9 +10,9 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.settle.moves import Bounds, Move, currents
+from rw_ekf.settle.named_moves import Bounds, Move, currents
 from rw_ekf.settle.predicted import Scene, divergences
-from rw_ekf.settle.what_stands import Standing, standing_of_document
+from rw_ekf.settle.standing_explanations import Standing, standing_of_document
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.settle.standing import STD, diagnosis, model
 

@@ -10,10 +10,10 @@ import pytest
 
 from rw_ekf.cli import main
 from rw_ekf.commands.settle import _from_here
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.settings.load import load_configuration
-from rw_ekf.settle.what_stands import standing_of_document
+from rw_ekf.settle.standing_explanations import standing_of_document
 from tests.contract import check_document
 from tests.diagnosis.simulated import log_of, simulated
 from tests.live.bench import write_config

@@ -11,7 +11,7 @@ import pytest
 
 from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.errors import ConfigError
-from rw_ekf.learning.carry import carried_over
+from rw_ekf.learning.aged_model import carried_over
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.schema import Configuration

@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.effects.catalogue import FORMULAS
 from rw_ekf.units import RAD_S_PER_RPM

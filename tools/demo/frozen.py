@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.diagnosis.checks.heldout import performance
-from rw_ekf.diagnosis.diagnose import richer_part
+from rw_ekf.diagnosis.log_diagnosis import richer_part
 from rw_ekf.diagnosis.prepare.preparation import model_of_setup, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.logs.reader import read_log

@@ -37,8 +37,8 @@ from rw_ekf.commissioning.dialogue import Stopped
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.progress import Progress
 from rw_ekf.commissioning.report import friction_curve
-from rw_ekf.commissioning.steps import commission
-from rw_ekf.commissioning.work import Options, Work
+from rw_ekf.commissioning.step_context import Options, Work
+from rw_ekf.commissioning.step_order import commission
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol

@@ -36,7 +36,7 @@ from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.likelihood.linearisation import Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, PARAMETERS, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM

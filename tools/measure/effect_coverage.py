@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from tools.measure.runs import INSIDE

@@ -34,11 +34,10 @@ import dask
 import distributed
 import numpy as np
 
-from rw_ekf.fleet.carry import Carry, first_start, next_start
+from rw_ekf.fleet.between_logs import Carry, first_start, next_start
 from rw_ekf.fleet.daily import WheelDays
 from rw_ekf.fleet.dask_executor import DASK_SETTINGS, DaskExecutor
 from rw_ekf.fleet.executors import ProcessExecutor
-from rw_ekf.fleet.findings import finding_kinds
 from rw_ekf.fleet.fleet_run import run_fleet
 from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex, built_index
@@ -46,6 +45,7 @@ from rw_ekf.fleet.plan import FleetSettings, plan_of
 from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, name_of, truth_by_day, truth_of, write_days
 from rw_ekf.fleet.task import Task, work
+from rw_ekf.fleet.trend_findings import finding_kinds
 from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.log_replay import replay_log
 from rw_ekf.log_simulation import simulate

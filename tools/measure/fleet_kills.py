@@ -22,8 +22,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from rw_ekf.fleet.fleet_api import simulate
 from rw_ekf.fleet.folder import FleetFolder
-from rw_ekf.fleet.public import simulate
 from tests.fleet.fleets import stamps_of, sums_of
 
 _WHEELS, _DAYS = 4, 15

@@ -2,9 +2,9 @@
 
     python -m tools.measure.laws --seeds 11 12 --jobs 2
 
-For each wheel of tools/proof/nameless.py one log is diagnosed, and its model run free, from the true speed at the
-begin of every 40 s, over a second one; beside it the base model fitted to the first log, and what the readings' noise
-alone is. The band is held against the truth at all that was seen, what the parameters follow taken off.
+For each wheel of tools/proof/uncatalogued_laws.py one log is diagnosed, and its model run free, from the true speed at
+the begin of every 40 s, over a second one; beside it the base model fitted to the first log, and what the readings'
+noise alone is. The band is held against the truth at all that was seen, what the parameters follow taken off.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.course.conditions import with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.likelihood.one_step import state_vector
 from rw_ekf.logs.wheel_log import WheelLog
@@ -32,7 +32,7 @@ from rw_ekf.second_record import with_times_of_record
 from rw_ekf.starting_point import setup_of_record
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
-from tools.proof.nameless import ALL, FAMILIES, LAWS, Met, Nameless
+from tools.proof.uncatalogued_laws import ALL, FAMILIES, LAWS, Met, Nameless
 
 _BLOCK_S = 40.0
 _KINDS = {"drag": "drag", "torque": "torque", "motor_gain": "gain", "viscous_drag": "drag", "windage": "drag"}

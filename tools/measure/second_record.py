@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.model.state import PARAMETER_NAMES
 from tools.measure.runs import INSIDE

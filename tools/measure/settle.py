@@ -21,8 +21,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.warming import Warming, ended
-from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.thresholds import LEAST_POSTERIOR
@@ -33,10 +33,10 @@ from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.schema import Configuration, LimitsSection, WheelSection
-from rw_ekf.settle.limits import SETTLE_S, MotionLimits, bounds_of
+from rw_ekf.settle.motion_limits import SETTLE_S, MotionLimits, bounds_of
 from rw_ekf.settle.predicted import Scene
 from rw_ekf.settle.search import Design, design_motion
-from rw_ekf.settle.what_stands import Explanation, Standing, most_probable, standing_of_document
+from rw_ekf.settle.standing_explanations import Explanation, Standing, most_probable, standing_of_document
 from rw_ekf.units import RAD_S_PER_RPM
 
 RATE_HZ, DELAY_S = 10.0, 0.010

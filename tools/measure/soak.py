@@ -41,7 +41,7 @@ from rw_ekf.drivers.sim.pty_server import PtyServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import Task, run_daemon
-from rw_ekf.live.outcome import RunOutcome
+from rw_ekf.live.run_outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.resources import protocol_path

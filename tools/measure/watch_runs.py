@@ -19,7 +19,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters
-from rw_ekf.filter import decisions
+from rw_ekf.filter import gating
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.estimator import OUTCOMES
@@ -124,8 +124,8 @@ def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterat
         done.states.tolist(), done.stds.tolist(), strict=True,
     )  # fmt: skip
     for time_s, reading, current_A, warmth, innovation, variance, code, mean, std in columns:
-        tested = code in (decisions.UPDATED, decisions.GATED, decisions.RESEEDED) and not math.isnan(innovation)
-        accepted = code == decisions.UPDATED
+        tested = code in (gating.UPDATED, gating.GATED, gating.RESEEDED) and not math.isnan(innovation)
+        accepted = code == gating.UPDATED
         test = None
         if tested:
             root = math.sqrt(variance)

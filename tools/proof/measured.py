@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.column_map_file import load_column_map

@@ -42,7 +42,7 @@ from tools.proof.plants import log_of, save_log
 from tools.proof.reliability import reliability_table
 from tools.proof.tty import SPEED_FACTOR, TtyError, diagnose_over_tty, tty_cases
 
-DIAGNOSIS = "rw_ekf.diagnosis.diagnose:diagnose_log"
+DIAGNOSIS = "rw_ekf.diagnosis.log_diagnosis:diagnose_log"
 _TOLD = "fit_told"  # beside it: fit_told(log, effect_ids) -> free-run RMS [rpm] or None
 _TTY_CASES = 8
 _SAVE_EVERY = 25

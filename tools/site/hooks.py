@@ -12,7 +12,7 @@ from mkdocs.structure.files import File, Files
 
 import rw_ekf
 from rw_ekf.cli import build_parser
-from rw_ekf.manual import verbs_of
+from rw_ekf.man_page import verbs_of
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

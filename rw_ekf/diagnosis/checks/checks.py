@@ -10,7 +10,7 @@ from rw_ekf.diagnosis.checks.cross_fit import disputed_share
 from rw_ekf.diagnosis.checks.heldout import gain_over
 from rw_ekf.diagnosis.hypotheses.candidates import p_value, threshold
 from rw_ekf.diagnosis.hypotheses.contenders import Search
-from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
+from rw_ekf.diagnosis.hypotheses.fixed_size_fits import knows_size
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by

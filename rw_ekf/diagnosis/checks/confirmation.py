@@ -8,7 +8,7 @@ from typing import Any
 from rw_ekf.diagnosis.checks.cross_fit import expected_excess
 from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself
 from rw_ekf.diagnosis.checks.heldout import ERRORS, by_fit_part, performance, performance_by_turns
-from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
+from rw_ekf.diagnosis.hypotheses.fixed_size_fits import knows_size
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import (
     BEYOND_DOUBT_P,

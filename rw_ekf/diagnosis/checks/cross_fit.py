@@ -12,7 +12,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, spanning
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.model_vector import prior_rows
 
 
 def disputed_share(fit: Fit, name: str, part: BoolArray) -> float:

@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.checks.cross_fit import disputed_share
 from rw_ekf.diagnosis.thresholds import MOST_DISPUTED
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 
 _STRIDE_S = 5.0
 _DECAYS = 3.0  # how long an event is, in its own time constants

@@ -12,17 +12,17 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.checks.lattice import Lattice, rounding_error
-from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
+from rw_ekf.diagnosis.checks.reading_grid import Lattice, rounding_error
+from rw_ekf.diagnosis.hypotheses.random_walk import walk_of, without_walk
 from rw_ekf.diagnosis.outcome import ModelTrace
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID, WANDERING
 from rw_ekf.likelihood.by_simulation import by_simulation
+from rw_ekf.likelihood.filter_over_record import run_frozen
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.model.state import COULOMB, SPEED
 from rw_ekf.units import rpm_from_rad_s

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.hypotheses.group import statistics_alone
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.joint_regressors import statistics_alone
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
 from rw_ekf.filter.consistency import skewed_tail
 from rw_ekf.likelihood.fitting import Fit
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.checks.noise_alone import p_values_by_draws
-from rw_ekf.diagnosis.hypotheses.group import GroupFit, fit_group
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.joint_regressors import GroupFit, fit_group
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit

@@ -24,7 +24,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.profile import LEAST_RATIO
 from rw_ekf.likelihood.structure import where_begun
 from rw_ekf.likelihood.whitening import adjoint
-from rw_ekf.likelihood.work import whitening_units
+from rw_ekf.likelihood.work_budget import whitening_units
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.numbers import number_text, p_text

@@ -25,7 +25,7 @@ from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.whitening import adjoint
-from rw_ekf.likelihood.work import screening_units
+from rw_ekf.likelihood.work_budget import screening_units
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.wheel.effect_table import EffectSet

@@ -11,9 +11,9 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.candidates import places_at_once
-from rw_ekf.diagnosis.hypotheses.grounds import Ground, Nameless
-from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.joint_regressors import evidence_of_drawn
+from rw_ekf.diagnosis.hypotheses.law_grounds import Ground, Nameless
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import CHANGE, SPELL
 from rw_ekf.effects.spell import VALUES

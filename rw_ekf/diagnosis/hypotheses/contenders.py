@@ -18,9 +18,9 @@ from rw_ekf.diagnosis.prepare.preparation import Advance
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.diagnosis.thresholds import MOST_EFFECTS, SIGNIFICANT_P, WORTH_A_FIT_P
 from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
 from rw_ekf.model.effect import Effect, RecordFacts
@@ -50,7 +50,7 @@ class Search:
         """The fit at the likeliest Stribeck speed beside what it has, where nobody gave one."""
         if not self.facts.stribeck_is_open or STRIBECK.id in fit.model.effects.ids:
             return fit
-        if not self.work.has(work.SEARCH):
+        if not self.work.has(work_budget.SEARCH):
             self.work.leave_out(f"other Stribeck speeds beside {', '.join(fit.model.effects.ids)}")
             return fit
         return likeliest_stribeck_speed(fit, self.facts.top_speed_rad_s)

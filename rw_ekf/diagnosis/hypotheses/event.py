@@ -10,9 +10,9 @@ from rw_ekf.diagnosis.hypotheses.onset import with_better_onset
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.thresholds import KEPT_SHARE, LAW_BESIDE_EVENT
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
@@ -98,7 +98,7 @@ def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     tried: list[Fit] = []
     spent = fit.linearised.record.work
     for _, _, less, score in sorted(scored, key=lambda item: item[:2]):
-        if tried and not spent.has(work.SEARCH):
+        if tried and not spent.has(work_budget.SEARCH):
             spent.leave_out(f"{name} beside {', '.join(less.model.effects.ids) or 'the model'}")
             break
         tried.append(fitted_event(less, score, facts))

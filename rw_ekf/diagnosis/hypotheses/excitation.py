@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.diagnosis.hypotheses.candidates import analytic
-from rw_ekf.diagnosis.hypotheses.profiled import basis
+from rw_ekf.diagnosis.hypotheses.noise_ratios import basis
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.one_step import Record

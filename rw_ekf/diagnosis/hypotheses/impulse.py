@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.diagnosis.hypotheses.grounds import LAW_LOG_ODDS, Ground, Nameless, grounds
-from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.joint_regressors import evidence_of_drawn
+from rw_ekf.diagnosis.hypotheses.law_grounds import LAW_LOG_ODDS, Ground, Nameless, grounds
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import SPELL
 from rw_ekf.effects.spell import VALUES

@@ -15,10 +15,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.changes import likeliest_change, likeliest_spell
 from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same
-from rw_ekf.diagnosis.hypotheses.grounds import BOTH_SIDES, Ground, Nameless, grounds
-from rw_ekf.diagnosis.hypotheses.group import evidence_of_drawn
 from rw_ekf.diagnosis.hypotheses.impulse import likeliest_impulse
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.joint_regressors import evidence_of_drawn
+from rw_ekf.diagnosis.hypotheses.law_grounds import BOTH_SIDES, Ground, Nameless, grounds
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import LEARNED, SPELL

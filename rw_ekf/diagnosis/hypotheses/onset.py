@@ -14,7 +14,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import linearise
-from rw_ekf.likelihood.model import Model, prior_rows
+from rw_ekf.likelihood.model_vector import Model, prior_rows
 from rw_ekf.likelihood.profile import at_ratio
 from rw_ekf.model.effect import RecordFacts
 

@@ -20,7 +20,7 @@ from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.thresholds import OWN_GAIN, TIE
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Candidate, RecordFacts, Term
 
@@ -113,7 +113,7 @@ def _in_deepest_valley(selection: Selection, name: str, facts: RecordFacts) -> S
     record = final.linearised.record
     if not starts:
         return selection
-    if not record.work.has(work.FITS):
+    if not record.work.has(work_budget.FITS):
         record.work.leave_out(f"other valleys of {name}")
         return selection
     less, model = selection.without(name), final.model.without(name)

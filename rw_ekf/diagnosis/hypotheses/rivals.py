@@ -25,7 +25,7 @@ from rw_ekf.diagnosis.thresholds import (
     SIGNIFICANT_P,
 )
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Candidate, Effect, Term
 
@@ -115,7 +115,7 @@ def _fits_in_place(
     starts = [] if score is None else list(score.starts)
     if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
         starts.append(Term.at(effect, Candidate(value)))
-    if search.work.has(work.RIVALS):
+    if search.work.has(work_budget.RIVALS):
         models = [less.model.with_terms(term) for term in starts]
         return [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
     return _sketches_of_twin(less, effect, value)
@@ -129,7 +129,7 @@ def _sketches_of_twin(less: Fit, effect: type[Effect], value: float) -> list[Fit
 
 def _has_work(search: Search, name: str, rival: type[Effect]) -> bool:
     """Whether there is room for a rival, if only for sketches of a twin."""
-    return search.work.has(work.FITS if _is_twin(name, rival) else work.RIVALS)
+    return search.work.has(work_budget.FITS if _is_twin(name, rival) else work_budget.RIVALS)
 
 
 def _is_twin(name: str, rival: type[Effect]) -> bool:

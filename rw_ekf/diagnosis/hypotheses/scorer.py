@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.candidates import Hypothesis, Score, hypotheses, screened
 from rw_ekf.diagnosis.hypotheses.lost_angle import scored_on_lost_angle
-from rw_ekf.diagnosis.hypotheses.profiled import Profiled
+from rw_ekf.diagnosis.hypotheses.noise_ratios import Profiled
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 
 _MOST_CONDITIONED = 1.0e10

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.diagnosis.checks.checks import Check
-from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.checks.reading_grid import Lattice
 from rw_ekf.diagnosis.checks.residual_map import Dependence, residual_map
+from rw_ekf.diagnosis.hypotheses.random_walk import followed_finely, walk_of
 from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.hypotheses.wander import followed_finely, walk_of
 from rw_ekf.diagnosis.ledger.ledger import Ledger, Row
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import EXPLAINED_SHARE, MAP_P
 from rw_ekf.effects.catalogue import GRID, WANDERING
-from rw_ekf.likelihood.carried import carried
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.law_as_amplitude import carried
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, PARAMETER_COUNT, STATIC
 from rw_ekf.wheel.effect_table import EffectSet

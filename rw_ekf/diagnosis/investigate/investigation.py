@@ -12,14 +12,14 @@ from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
 from rw_ekf.diagnosis.hypotheses.other_starts import LAW, has_laws, with_each_law
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found, mapped
-from rw_ekf.diagnosis.investigate.walking import weighed_against_a_walk, with_wandering_friction
-from rw_ekf.diagnosis.investigate.widths import (
+from rw_ekf.diagnosis.investigate.sigmas import (
     with_free_shapes,
     with_open_noise,
     with_open_stribeck_speed,
     with_profiled_onset,
     with_profiled_widths,
 )
+from rw_ekf.diagnosis.investigate.walk_row import weighed_against_a_walk, with_wandering_friction
 from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.growth import begun, grown
 from rw_ekf.diagnosis.ledger.ledger import Ledger
@@ -27,7 +27,7 @@ from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
 from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.state import PARAMETER_COUNT
 
@@ -85,7 +85,7 @@ def with_widths(found: Found, advance: Advance) -> Found:
             reported = with_profiled_onset(reported, name, prepared.facts)
         if CATALOGUE[name].angular:
             reported, orders = with_open_order(found.selection.without(name), reported, name, prepared.facts)
-        if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
+        if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work_budget.FITS):
             advance(f"profiling {name}")
             reported = with_profiled_widths(reported, name)
         if has_laws(name):
@@ -106,11 +106,11 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
     """
     search, facts, work_left = Search(prepared.record, prepared.facts, advance), prepared.facts, prepared.record.work
     found = _searched(prepared, search, *begun(prepared.base, facts), advance)
-    again = found.left and found.selection.set_aside and work_left.has(work.RIVALS)
+    again = found.left and found.selection.set_aside and work_left.has(work_budget.RIVALS)
     if again and not one_and_the_same(found.fit, "time", "speed"):
         found = _or_further(found, Search(prepared.record, facts, advance, stationary_first=False), prepared, advance)
     small = _left_out_for_its_size(found.selection)
-    if found.left and small is not None and work_left.has(work.RIVALS):
+    if found.left and small is not None and work_left.has(work_budget.RIVALS):
         lenient = replace(prepared, facts=replace(facts, any_size=True))
         other = _or_further(found, Search(lenient.record, lenient.facts, advance), lenient, advance)
         found = other if small in other.new_ids else found
@@ -123,7 +123,7 @@ def beside_a_walk(found: Found, advance: Advance) -> Found:
     law = not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids)
     if law and not any(quantity_of(CATALOGUE[name]) == "temperature" for name in found.new_ids):
         return found
-    if not work_left.has(work.WANDER):
+    if not work_left.has(work_budget.WANDER):
         work_left.leave_out("a dry friction that wanders with time")
         return found
     advance(f"fitting {WANDERING.id}, wandering")

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.diagnosis.checks.heldout import performance
-from rw_ekf.diagnosis.checks.lattice import Lattice, coarse_grid, explained_variance, find_lattice, rounding_error
+from rw_ekf.diagnosis.checks.reading_grid import Lattice, coarse_grid, explained_variance, find_lattice, rounding_error
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.investigation import investigate
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared

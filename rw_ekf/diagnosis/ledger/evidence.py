@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.hypotheses.grounds import LAW_LOG_ODDS
-from rw_ekf.diagnosis.hypotheses.wander import evidence_of_wandering
+from rw_ekf.diagnosis.hypotheses.law_grounds import LAW_LOG_ODDS
+from rw_ekf.diagnosis.hypotheses.random_walk import evidence_of_wandering
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
-from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.model_vector import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, at_ratio
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 from rw_ekf.model.effect_kinds import LawEffect

@@ -9,8 +9,8 @@ from rw_ekf.diagnosis.checks.checks import of_size
 from rw_ekf.diagnosis.hypotheses.changes import settled_change
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
-from rw_ekf.diagnosis.hypotheses.grounds import Nameless
 from rw_ekf.diagnosis.hypotheses.impulse import at_once, impulses_together
+from rw_ekf.diagnosis.hypotheses.law_grounds import Nameless
 from rw_ekf.diagnosis.hypotheses.other_starts import (
     by_likeliest_law,
     in_deepest_valleys,
@@ -31,7 +31,7 @@ from rw_ekf.diagnosis.thresholds import (
     SIGNIFICANT_P,
 )
 from rw_ekf.effects.catalogue import CATALOGUE, CHANGE, LEARNED, SPELL
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import RecordFacts
@@ -61,7 +61,7 @@ def grown(
         row = next((row for row in ledger.rows[:BEAM] if row.key not in done), None)
         if row is None:
             break
-        if turn > 0 and not search.work.has(work.SEARCH):
+        if turn > 0 and not search.work.has(work_budget.SEARCH):
             present = ", ".join(ledger.rows[0].effects) or "the model"
             search.work.leave_out(f"the search for more than {present}")
             break
@@ -187,7 +187,7 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
     contenders, selection = search.contenders(row.fit, selection)
     for number, score in enumerate(contenders[:MOST_TRIED]):
         effect, name = score.effect, score.effect.id
-        if number and not search.work.has(work.SEARCH):
+        if number and not search.work.has(work_budget.SEARCH):
             search.work.leave_out(f"{name} beside {', '.join(row.effects) or 'the model'}")
             break
         if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rw_ekf.diagnosis.checks.checks import Check
-from rw_ekf.diagnosis.hypotheses.grounds import LAW_LOG_ODDS
+from rw_ekf.diagnosis.hypotheses.law_grounds import LAW_LOG_ODDS
 from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import CATALOGUE

@@ -21,7 +21,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
 from rw_ekf.likelihood.robust_fit import (
@@ -32,7 +32,7 @@ from rw_ekf.likelihood.robust_fit import (
     with_later_break_away,
 )
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
-from rw_ekf.likelihood.work import Work
+from rw_ekf.likelihood.work_budget import Work
 from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters

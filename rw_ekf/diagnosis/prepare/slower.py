@@ -18,7 +18,7 @@ from rw_ekf.likelihood.fitting import fit_model
 from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.one_step import Record, Trajectory
-from rw_ekf.likelihood.work import Work
+from rw_ekf.likelihood.work_budget import Work
 
 # A search of so many samples tries all that it has within its budget; ten minutes at 10 Hz are 6,000.
 _MOST_SAMPLES = 8_000

@@ -8,6 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.diagnosis.checks.confirmation import worsened
+from rw_ekf.diagnosis.checks.excess_noise import NOTHING, noises_of
 from rw_ekf.diagnosis.checks.heldout import (
     Performance,
     percent_better,
@@ -15,9 +16,8 @@ from rw_ekf.diagnosis.checks.heldout import (
     performance_by_turns,
     performance_read,
 )
-from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.checks.reading_grid import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
-from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
 from rw_ekf.diagnosis.outcome import ModelTrace
 from rw_ekf.diagnosis.prepare.preparation import Advance
@@ -30,7 +30,7 @@ from rw_ekf.diagnosis.verdict.judged import Judged
 from rw_ekf.diagnosis.verdict.posterior import SOMETHING_ELSE, posterior_of, unlikely
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from rw_ekf.effects.catalogue import GRID
-from rw_ekf.filter.evenness import unevenness
+from rw_ekf.filter.noise_evenness import unevenness
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
 

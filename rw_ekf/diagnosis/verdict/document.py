@@ -7,26 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.course.beyond import BeyondLaws
+from rw_ekf.course.beyond_law_range import BeyondLaws
 from rw_ekf.course.conditions import of_lost_temperature
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.checks.event_agreement import percent_gained
 from rw_ekf.diagnosis.checks.heldout import Performance, gain_over, percent_better, performance
-from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.checks.reading_grid import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import left_over, residual_tests
 from rw_ekf.diagnosis.hypotheses.candidates import threshold
 from rw_ekf.diagnosis.hypotheses.other_starts import LAW
+from rw_ekf.diagnosis.hypotheses.random_walk import walk_of
 from rw_ekf.diagnosis.hypotheses.selection import Trial
-from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.investigate.widths import with_open_noise, with_open_stribeck_speed
+from rw_ekf.diagnosis.investigate.sigmas import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.diagnosis.thresholds import SIGNIFICANT_P
 from rw_ekf.diagnosis.verdict.explanations import explanation_entries, surviving
+from rw_ekf.diagnosis.verdict.formulas_in_band import readings
 from rw_ekf.diagnosis.verdict.judged import Judged
-from rw_ekf.diagnosis.verdict.reading import readings
-from rw_ekf.diagnosis.verdict.shapes import shapes_of
+from rw_ekf.diagnosis.verdict.residual_curves import shapes_of
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.documents import inertia_document
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, WANDERING

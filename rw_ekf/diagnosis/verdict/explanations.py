@@ -17,7 +17,7 @@ from rw_ekf.diagnosis.investigate.found import Found, model_of_fit
 from rw_ekf.diagnosis.ledger.evidence import testable
 from rw_ekf.diagnosis.ledger.ledger import Row, key_of
 from rw_ekf.diagnosis.thresholds import HARDLY_MISSED, LEAST_POSTERIOR, NOTHING_ODDS, TEMPERATURE
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts
 from rw_ekf.wheel.model_file import refusal_of
@@ -106,7 +106,7 @@ def _in_place(found: Found) -> list[Fit]:
 def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
     """A model with each further effect that its data do not exclude, the strongest."""
     record, facts = whole.linearised.record, found.prepared.facts
-    if not record.work.has(work.FITS):
+    if not record.work.has(work_budget.FITS):
         record.work.leave_out("some explanations beside the one named")
         return []
     others = [effect for effect in _open(whole, facts) if effect.id != chosen]

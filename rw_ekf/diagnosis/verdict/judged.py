@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.diagnosis.checks.excess_noise import Noises
 from rw_ekf.diagnosis.checks.heldout import Performance
-from rw_ekf.diagnosis.checks.lattice import Lattice
-from rw_ekf.diagnosis.checks.swallowed import Noises
+from rw_ekf.diagnosis.checks.reading_grid import Lattice
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.verdict.explanations import Explanation
 from rw_ekf.diagnosis.verdict.verdict import Verdict

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.diagnosis.checks.command_lines import chance_of_answer
-from rw_ekf.diagnosis.checks.lattice import Lattice
-from rw_ekf.diagnosis.checks.swallowed import Noises
+from rw_ekf.diagnosis.checks.command_periods import chance_of_answer
+from rw_ekf.diagnosis.checks.excess_noise import Noises
+from rw_ekf.diagnosis.checks.reading_grid import Lattice
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import (
     BESIDE,

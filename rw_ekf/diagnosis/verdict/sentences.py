@@ -12,11 +12,11 @@ from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import ERRORS, telling_figure
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
 from rw_ekf.diagnosis.hypotheses.other_starts import LAW
+from rw_ekf.diagnosis.hypotheses.random_walk import walk_of, without_walk
 from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, LEAST_SIGMAS
-from rw_ekf.diagnosis.verdict.reading import readings
+from rw_ekf.diagnosis.verdict.formulas_in_band import readings
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.learned_law import QUANTITY_WORDS
 from rw_ekf.likelihood.fitting import Fit, FittedTerm

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rw_ekf.diagnosis.checks.command_lines import chance_of_answer
+from rw_ekf.diagnosis.checks.command_periods import chance_of_answer
 from rw_ekf.diagnosis.checks.heldout import Performance, percent_better
-from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.checks.reading_grid import Lattice
 from rw_ekf.diagnosis.hypotheses.confounding import Quantity, is_smooth_in_time, one_and_the_same, separates
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.parquet_table import of_arrow
 from rw_ekf.logs.raw_table import RawTable
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.format_library import Library, foreign_format, only_log_errors
 from rw_ekf.logs.foreign.groups import Group, channels_of, table_of_groups
-from rw_ekf.logs.foreign.guard import Library, foreign_format, only_log_errors
 from rw_ekf.logs.raw_table import RawTable
 
 _BLF = b"LOGG"

@@ -15,7 +15,7 @@ from typing import Any
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.foreign.json_records import table_of_lists
 from rw_ekf.logs.interleaved import has_speed
 from rw_ekf.logs.raw_table import RawTable, number_or_none

@@ -10,8 +10,8 @@ import numpy as np
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.foreign.groups import Group, channels_of, table_of_groups
-from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
 _CLOCK, _INSTANCE = "TimeUS", "#"  # [us]; the unit that marks the number of a sensor

@@ -11,8 +11,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
-from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.raw_table import RawTable
 
 _BEGIN = re.compile(rb"IGOR\s*[\r\n]")

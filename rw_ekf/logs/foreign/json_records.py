@@ -17,8 +17,8 @@ import numpy as np
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.csv_table import read_csv_table
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.foreign.groups import OWN_COLUMNS, Group, table_of_groups
-from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.interleaved import held
 from rw_ekf.logs.labels import with_labels
 from rw_ekf.logs.log_text import LogText

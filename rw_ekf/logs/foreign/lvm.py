@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
 _MAGIC = b"LabVIEW Measurement"

@@ -17,8 +17,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.format_library import Library, foreign_format
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
-from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable
 
 _IS_TIME = (0, 1)  # sync_type of a master channel: not said, time
@@ -52,7 +52,7 @@ def _groups_by_child(path: Path) -> list[Group]:
 
 def answer(file: str) -> None:
     """The child: write the groups to standard output, or what went wrong to standard error, and exit."""
-    from rw_ekf.parent import die_with_parent
+    from rw_ekf.parent_process import die_with_parent
 
     die_with_parent()
     stream = sys.stdout.buffer

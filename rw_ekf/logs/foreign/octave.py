@@ -11,7 +11,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.foreign.format_library import foreign_format
 from rw_ekf.logs.matlab_table import table_of_variables
 from rw_ekf.logs.raw_table import RawTable
 

@@ -9,8 +9,8 @@ from typing import Any
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.foreign.database import of_sqlite
+from rw_ekf.logs.foreign.format_library import Library, foreign_format
 from rw_ekf.logs.foreign.groups import table_of_groups
-from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.foreign.ros_messages import Topic
 from rw_ekf.logs.foreign.ros_types import Decoder, decoders
 from rw_ekf.logs.raw_table import RawTable

@@ -13,7 +13,7 @@ import numpy as np
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.csv_table import read_csv_table
-from rw_ekf.logs.foreign.guard import Library, foreign_format
+from rw_ekf.logs.foreign.format_library import Library, foreign_format
 from rw_ekf.logs.header_rows import with_names
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.log_text import LogText

@@ -11,8 +11,8 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.format_library import Library, foreign_format
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
-from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.labels import unit_and_remark
 from rw_ekf.logs.raw_table import RawTable
 

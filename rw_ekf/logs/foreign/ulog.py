@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.format_library import Library, foreign_format
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
-from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable
 
 _PER_SECOND = 1.0e6

@@ -8,7 +8,7 @@ import numpy as np
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.format import LogFormat
+from rw_ekf.logs.log_format import LogFormat
 from rw_ekf.logs.raw_table import RawTable
 
 _MAGIC = b"ACME recorder"
