@@ -258,7 +258,8 @@ def with_open_phases(model: WheelModel, *, angle_is_logged: bool) -> WheelModel:
                 covariance[at, at] = size**2
                 term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
         terms.append(term)
-    return replace(model, covariance=tuple(tuple(row) for row in covariance.tolist()), effects=EffectSet(tuple(terms)))
+    return replace(model, covariance=tuple(tuple(row) for row in covariance.tolist()),
+                   effects=replace(model.effects, terms=tuple(terms)))  # fmt: skip
 
 
 def without_effects(model: WheelModel) -> WheelModel:

@@ -77,7 +77,8 @@ class Estimator:
             remembers=remembers, columns=effects.columns, temperature_lag_s=constants.temperature_lag_s
         )
         self._last: WheelSample | None = None
-        self._effect_names = effects.state_names
+        self._effects, self._effect_names = effects, effects.state_names
+        self._began = self.covariance
 
     @property
     def mean(self) -> Float64Array:
@@ -200,7 +201,7 @@ class Estimator:
             covariance=covariance,
             health=self._physician.health,
             valid=self._validity.step(values[PARAMETERS], stds[PARAMETERS], self.points.shown),
-            friction=FrictionTorque(mean, covariance, table, stribeck, at),
+            friction=FrictionTorque(mean, covariance, table, stribeck, at, self._effects, self._began),
             current=partial(current_for, mean, table, stribeck, at) if names else None,
             ahead=partial(outlook, mean, table, stribeck, given, believed_s),
         )

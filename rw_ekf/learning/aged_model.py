@@ -11,7 +11,6 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
 from rw_ekf.starting_point import FilterSetup, left_open, with_open_phases
-from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 
 # A wheel that stood, or ran unseen, may have another temperature: within hours by some 5 K (one sigma). What a kelvin
@@ -41,7 +40,10 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     covariance = np.array(model.covariance)
     places = list(range(PARAMETER_COUNT))
     end = PARAMETER_COUNT
-    for term in model.effects.state_terms:
+    for term in model.effects.terms:
+        if not term.effect.in_state:
+            kept.append(term)
+            continue
         at, end = range(end, end + len(term.values)), end + len(term.values)
         if term.law is not None and term.law.quantity == "time" and not term.is_over:
             term = replace(term, law=term.law.held(-1))  # noqa: PLW2901
@@ -52,9 +54,9 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
             continue
         places += at
         kept.append(term)
-    kept += [term for term in model.effects.terms if not term.effect.in_state]
+    effects = replace(model.effects.only(lambda term: term not in gone), terms=tuple(kept))
     rows = covariance[np.ix_(places, places)] + left_open(gone, model.parameters, len(places))
-    return replace(model, covariance=_as_rows(rows), effects=EffectSet(tuple(kept))), notes
+    return replace(model, covariance=_as_rows(rows), effects=effects), notes
 
 
 def aged(model: WheelModel, start: FilterSetup, seconds: float) -> WheelModel:

@@ -7,13 +7,15 @@ coefficient or a hidden state stands.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array, by_identity
+from rw_ekf.model.considered import Direction, Off
 from rw_ekf.model.effect import NO_SHAPE, Effect, Shape, Term
 from rw_ekf.model.effect_kinds import (
     CurrentEffect,
@@ -26,7 +28,7 @@ from rw_ekf.model.effect_kinds import (
     WindowEffect,
 )
 from rw_ekf.model.law import FORMULA, KINDS, ActsAs, Law, sums_of
-from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.model.state import PARAMETER_COUNT, STATE_SIZE
 
 ABSENT = -1
 
@@ -91,6 +93,7 @@ class EffectSet:
     """Every effect of a model, in order of use."""
 
     terms: tuple[Term, ...] = ()
+    considered: tuple[Direction, ...] = ()  # what a fit left open of shapes and curves; () where nobody knows
 
     @property
     def state_terms(self) -> tuple[Term, ...]:
@@ -169,7 +172,41 @@ class EffectSet:
                 terms.append(replace(term, values=updated, stds=widths))
             else:
                 terms.append(term)
-        return EffectSet(tuple(terms))
+        return replace(self, terms=tuple(terms))
+
+    def with_term(self, term: Term) -> EffectSet:
+        """The same effects and one more that is no state."""
+        considered = tuple(way._replace(terms=(*way.terms, Off())) for way in self.considered)
+        return EffectSet((*self.terms, term), considered)
+
+    def only(self, kept: Callable[[Term], bool]) -> EffectSet:
+        """The effects whose terms are kept, with what is considered of them."""
+        stays = [kept(term) for term in self.terms]
+        coefficients = [stay for term, stay in zip(self.terms, stays, strict=True)
+                        if term.effect.in_state for _ in term.values]  # fmt: skip
+        learned = [True] * PARAMETER_COUNT + coefficients
+        return EffectSet(
+            tuple(itertools.compress(self.terms, stays)),
+            tuple(
+                Direction(tuple(itertools.compress(way.numbers, learned)), tuple(itertools.compress(way.terms, stays)))
+                for way in self.considered
+            ),
+        )
+
+    def going_on_from(self, given: EffectSet) -> EffectSet:
+        """The same, with what was considered of effects it was begun with and still has, first and unchanged."""
+        count = len(given.terms)
+        if not given.considered or [(t.effect, t.shape, t.law) for t in given.terms] != [
+            (t.effect, t.shape, t.law) for t in self.terms[:count]
+        ]:
+            return self
+        nothing, more = (0.0,) * (self.size - given.size), (Off(),) * (len(self.terms) - count)
+        before = (Direction((*way.numbers, *nothing), (*way.terms, *more)) for way in given.considered)
+        return replace(self, considered=(*before, *self.considered))
+
+    def off_by(self, direction: Direction, times: float) -> EffectSet:
+        """The same effects, shapes and curves off by so many of a direction."""
+        return EffectSet(tuple(_off(term, off, times) for term, off in zip(self.terms, direction.terms, strict=True)))
 
 
 @functools.lru_cache(maxsize=128)
@@ -239,6 +276,17 @@ def _with_laws_as_curves(term: Term) -> Term:
         return term
     curve = tuple(float(value) for value in term.law.values(term.values))
     return replace(term, values=(1.0,), stds=(0.0,), law=replace(term.law, functions=(curve,), prior_std=()))
+
+
+def _off(term: Term, off: Off, times: float) -> Term:
+    shape = tuple(value + times * by for value, by in zip(term.shape, off.shape, strict=True))
+    term = replace(term, shape=(shape[0], shape[1], shape[2]))
+    if term.law is None or not off.curve:
+        return term
+    law = term.law
+    by = times * np.interp(law.knots, np.linspace(law.first, law.last, len(off.curve)), off.curve)
+    first = tuple((np.array(law.functions[0]) + by).tolist())
+    return replace(term, law=replace(law, functions=(first, *law.functions[1:])))
 
 
 def _law_columns(laws: list[_LawRow]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from rw_ekf.effects.catalogue import CATALOGUE, CATALOGUE_IDS
 from rw_ekf.effects.own_effect import effect_of
 from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.bounds import ASSUMED
+from rw_ekf.model.considered import CURVE_POINTS, Direction, Off
 from rw_ekf.model.effect import Coefficient, Effect, Shape, Term
 from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.model.friction import LAW_CODES
@@ -29,6 +30,7 @@ from rw_ekf.wheel.effect_table import EffectSet
 
 Matrix = tuple[tuple[float, ...], ...]
 
+_MOST_DIRECTIONS = 64
 _TIMES = 2  # at which what changes begins and ends
 _LEAST_EIGENVALUE = 1.0e-12  # of the correlations; below it the matrix has no inverse in double precision
 
@@ -195,6 +197,38 @@ class _Entry(Section):
         return Term(effect, (self.coefficient.value,), (self.coefficient.std,), shape, law=law)
 
 
+class _Off(Section):
+    """What of one term is off, by a standard deviation of a direction."""
+
+    constants: dict[str, _Finite] = Key({}, description="by name")
+    curve: list[_Finite] = Key([], description="of its law, even over its range")
+
+    def mistakes(self, at: tuple[Any, ...], term: Term) -> list[Mistake]:
+        """What of it does not go with a term."""
+        names = [constant.name for constant in term.effect.constants]
+        found: list[Mistake] = [
+            ((*at, "constants", key), f"is not a constant of {term.id}; {suggestion(key, names)}")
+            for key in self.constants
+            if key not in names
+        ]
+        if self.curve and (term.law is None or len(self.curve) != CURVE_POINTS):
+            known = f"a law's has {CURVE_POINTS}" if term.law is not None else f"{term.id} has no law"
+            found.append(((*at, "curve"), f"has {len(self.curve)} numbers; {known}"))
+        return found
+
+    def off(self, term: Term) -> Off:
+        """The same in the order of the term's constants."""
+        by = (*(self.constants.get(constant.name, 0.0) for constant in term.effect.constants), 0.0, 0.0, 0.0)
+        return Off((by[0], by[1], by[2]), tuple(self.curve))
+
+
+class _Direction(Section):
+    """One way in which what no filter learns may be off together."""
+
+    numbers: list[_Finite] = Key(description="what the four parameters, then the coefficients, do then")
+    terms: list[_Off] = Key(description="what of each effect is off")
+
+
 def _one_of_a_kind(entries: list[_Entry]) -> list[_Entry]:
     """A model holds one effect of some kinds, and laws of three columns of a log."""
     columns = list(dict.fromkeys(entry.law.column for entry in entries if entry.law is not None and entry.law.column))
@@ -236,6 +270,9 @@ class ModelFile(Section):
     """A model file but for its schema. Effects come first: the covariance's size is theirs."""
 
     effects: Annotated[list[_Entry], AfterValidator(_one_of_a_kind)] | None = None
+    considered: Annotated[list[_Direction], Key(max_length=_MOST_DIRECTIONS)] = Key(
+        [], description="what no filter learns of the effects, a standard deviation a direction"
+    )
     parameters: _Parameters = Key(description="motor_gain, viscous, coulomb and static, each with a value")
     covariance: Any = Key(description="rows of the four parameters, then the effects")
     stribeck: _Stribeck = Key(description="speed_rad_s and law")
@@ -250,13 +287,36 @@ class ModelFile(Section):
 
     @property
     def effect_set(self) -> EffectSet:
-        """The effects in order of use."""
-        return _effect_set(self.effects)
+        """The effects in order of use, with what is considered of them."""
+        found = _effect_set(self.effects)
+        ways = [Direction(tuple(way.numbers), tuple(map(_Off.off, way.terms, found.terms))) for way in self.considered]
+        return replace(found, considered=tuple(ways))
 
     @property
     def values(self) -> list[float]:
         """The four parameters in state order."""
         return [getattr(self.parameters, name).value for name in PARAMETER_NAMES]
+
+    @field_validator("considered")
+    @classmethod
+    def _fits(cls, ways: list[_Direction], info: ValidationInfo) -> list[_Direction]:
+        if "effects" not in info.data:
+            return ways
+        found = _effect_set(info.data["effects"])
+        sizes = {"numbers": len(PARAMETER_NAMES) + found.size, "terms": len(found.terms)}
+        refuse(
+            ((i, key), f"are {len(getattr(way, key))}; these effects want {size}")
+            for i, way in enumerate(ways)
+            for key, size in sizes.items()
+            if len(getattr(way, key)) != size
+        )
+        refuse(
+            mistake
+            for i, way in enumerate(ways)
+            for j, (off, term) in enumerate(zip(way.terms, found.terms, strict=True))
+            for mistake in off.mistakes((i, "terms", j), term)
+        )
+        return ways
 
     @field_validator("covariance")
     @classmethod

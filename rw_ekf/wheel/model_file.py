@@ -72,9 +72,8 @@ class WheelModel:
         """The same without the terms of these laws."""
         dropped = [term.law in laws for term in self.effects.state_terms for _ in term.values]
         kept = [*range(PARAMETER_COUNT), *(PARAMETER_COUNT + at for at, gone in enumerate(dropped) if not gone)]
-        terms = tuple(term for term in self.effects.terms if term.law not in laws)
         covariance = tuple(tuple(self.covariance[i][j] for j in kept) for i in kept)
-        return replace(self, covariance=covariance, effects=EffectSet(terms))
+        return replace(self, covariance=covariance, effects=self.effects.only(lambda term: term.law not in laws))
 
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
@@ -97,6 +96,7 @@ class WheelModel:
             },
             **({} if self.temperature_lag_s == 0.0 else {"temperature_lag_s": self.temperature_lag_s}),
             "effects": [entry for term in self.effects.terms for entry in _effect_documents(term)],
+            **_considered_documents(self.effects),
         }
 
     @classmethod
@@ -129,6 +129,24 @@ def _effect_documents(term: Term) -> list[dict[str, Any]]:
         }
         for value, std, shape in zip(term.values, term.stds, shapes, strict=True)
     ]
+
+
+def _considered_documents(effects: EffectSet) -> dict[str, Any]:
+    """What no filter learns of the effects: each direction with what of each term is off by a standard deviation."""
+    found = [
+        {
+            "numbers": list(way.numbers),
+            "terms": [
+                {
+                    "constants": {c.name: by for c, by in zip(term.effect.constants, off.shape, strict=False) if by},
+                    **({"curve": list(off.curve)} if off.curve else {}),
+                }
+                for term, off in zip(effects.terms, way.terms, strict=True)
+            ],
+        }
+        for way in effects.considered
+    ]
+    return {"considered": found} if found else {}
 
 
 def _law_document(law: Law) -> dict[str, Any]:

@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rw_ekf.checking.yaml_text import yaml_text
 from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.errors import ConfigError
 from rw_ekf.learning.aged_model import carried_over
+from rw_ekf.model.considered import CURVE_POINTS, Direction, Off
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
+from rw_ekf.model.law import Law
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.starting_point import belief_of_model, model_of, setup_of_configuration, setup_of_start
@@ -206,3 +209,70 @@ def test_an_inertia_that_nobody_gave_is_called_so_throughout(tmp_path: Path) -> 
     given = replace(read_model(path), inertia_kg_m2=2.0e-3, inertia_is_assumed=False)
     again = setup_of_configuration(plain, given)
     assert (again.inertia_kg_m2, again.inertia_from) == (2.0e-3, "model")
+
+
+def considered_model() -> WheelModel:
+    """A bump, a spike and a law of the speed, with two directions in which shapes and the law may be off."""
+    law = Law("speed_size", "drag", 0.0, 100.0, ((0.0, 0.01, 0.02),))
+    learned = Term(CATALOGUE["learned_law"], (1.0,), (0.1,), law=law)
+    model = model_with(effect("drag_bump"), effect("drag_spike"), learned)
+    curve = tuple(1.0e-4 * i for i in range(CURVE_POINTS))
+    ways = (
+        Direction((1.0e-3, 0.0, 2.0e-3, 0.0, 1.0e-3, 0.0, 0.01), (Off((0.2, -0.1, 0.0)), Off(), Off(curve=curve))),
+        Direction((0.0, 1.0e-6, 0.0, 0.0, 0.0, 2.0e-3, 0.0), (Off(), Off((3.0, 0.0, 0.0)), Off())),
+    )
+    return replace(model, effects=replace(model.effects, considered=ways))
+
+
+def test_what_no_filter_learns_comes_back(tmp_path: Path) -> None:
+    """Shapes, curves and what the numbers do then, from file to model and on with other numbers."""
+    model = considered_model()
+    assert read_text(tmp_path, model.to_text()) == model
+    again = model.effects.with_values(2.0 * model.effects.values, np.ones(3))
+    assert again.considered == model.effects.considered
+
+
+def test_it_goes_with_the_effects_it_is_of() -> None:
+    """A spike stays behind when a run begins: its place and its numbers are gone from every direction."""
+    kept, _ = carried_over(considered_model())
+    assert kept.effects.ids == ("drag_bump", "learned_law")
+    first, second = kept.effects.considered
+    assert first.numbers == (1.0e-3, 0.0, 2.0e-3, 0.0, 1.0e-3, 0.01)
+    assert second == Direction((0.0, 1.0e-6, 0.0, 0.0, 0.0, 0.0), (Off(), Off()))
+
+
+def test_a_model_that_grows_keeps_what_was_considered() -> None:
+    """Found with a model given and another effect beside it: what the first record left open is open still."""
+    given = considered_model().effects
+    grown = EffectSet((*given.terms, effect("quadratic_drag", 1.0e-6))).going_on_from(given)
+    assert [way.numbers for way in grown.considered] == [(*way.numbers, 0.0) for way in given.considered]
+    assert [way.terms for way in grown.considered] == [(*way.terms, Off()) for way in given.considered]
+    moved = replace(given.terms[0], shape=(61.0, 7.5, 0.0))
+    assert EffectSet((moved, *given.terms[1:])).going_on_from(given).considered == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        (("numbers",), [0.0, 1.0], "are 2; these effects want 7"),
+        (("terms",), [{}], "are 1; these effects want 3"),
+        (("terms", 0, "constants"), {"sped_rad_s": 1.0}, "is not a constant of drag_bump; did you mean 'speed_rad_s'?"),
+        (("terms", 0, "curve"), [0.0] * CURVE_POINTS, "has 17 numbers; drag_bump has no law"),
+        (("terms", 2, "curve"), [0.0, 1.0], "has 2 numbers; a law's has 17"),
+        (("numbers", 3), "much", "must be a number, found the text"),
+    ],
+)
+def test_what_does_not_go_with_the_effects_is_refused(
+    tmp_path: Path, path: tuple[str | int, ...], value: object, words: str
+) -> None:
+    """With its place in the file, one sentence."""
+    document = considered_model().document()
+    *way, last = path
+    item = document["considered"][1]
+    for key in way:
+        item = item[key]
+    item[last] = value
+    with pytest.raises(ConfigError) as refused:
+        read_text(tmp_path, yaml_text(document))
+    assert "considered.1." + ".".join(map(str, path)) in str(refused.value).replace("[", ".").replace("]", "")
+    assert words in str(refused.value)

@@ -18,11 +18,10 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import EXPLAINED_SHARE, MAP_P
 from rw_ekf.effects.catalogue import GRID, WANDERING
+from rw_ekf.likelihood.carried_effects import carried
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.law_as_amplitude import carried
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, PARAMETER_COUNT, STATIC
-from rw_ekf.wheel.effect_table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.wheel.model_file import WheelModel
@@ -95,7 +94,7 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
         return model
     return replace(
         model,
-        effects=EffectSet((*model.effects.terms, Term.of(GRID, value=lattice.grid_rad_s))),
+        effects=model.effects.with_term(Term.of(GRID, value=lattice.grid_rad_s)),
         speed_noise_rad_s=lattice.noise_rad_s,
     )
 
@@ -112,15 +111,14 @@ def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> 
     from rw_ekf.version import __version__
     from rw_ekf.wheel.model_file import WheelModel
 
-    known = fit.model.known
-    covariance = fit.likelihood.covariance[:known, :known]
-    covariance = 0.5 * (covariance + covariance.T)
+    covariance = 0.5 * (fit.likelihood.covariance + fit.likelihood.covariance.T)
     variance, noise_A = fit.noise.variance, 0.0 if prepared.levels is None else prepared.levels.noise_A
     walk = walk_of(fit)
     model = fit.model if walk is None else walk.model
     if walk is not None:
         kept = [*range(PARAMETER_COUNT)]
         kept += [i for term, at in fit.model.placed if term.id != WANDERING.id for i in range(at.start, at.stop)]
+        kept += range(fit.model.known, covariance.shape[0])
         covariance = covariance[np.ix_(kept, kept)]
         covariance[COULOMB - 1 : STATIC, COULOMB - 1 : STATIC] += walk.spread**2  # the two walk as one
     effects, covariance = carried(model, covariance)
@@ -144,6 +142,6 @@ def model_of_fit(fit: Fit, prepared: Prepared, of: str = "the whole record") -> 
             "record": print_of(prepared.source.log),
             "rw_ekf": __version__,
         },
-        effects=effects.with_values(effects.values, stds),
+        effects=effects.with_values(effects.values, stds).going_on_from(prepared.setup.effects),
         temperature_lag_s=0.0 if prepared.temperature_lag is None else prepared.temperature_lag.value_s,
     )
