@@ -276,8 +276,8 @@ def model_of(
     wheel: WheelTag | None = None,
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
-    _, covariance = belief.known(setup.effects.size)
-    known = STATE_SIZE + setup.effects.size
+    covariance = _with_considered(setup, belief.known(setup.effects.size)[1])
+    known, stds = STATE_SIZE + setup.effects.size, np.sqrt(np.diag(covariance))
     told = setup.constants if noise is None else noise
     return WheelModel(
         parameters=belief.parameters,
@@ -290,10 +290,25 @@ def model_of(
         inertia_kg_m2=setup.inertia_kg_m2,
         inertia_is_assumed=setup.inertia_from == ASSUMED,
         source={**source, "rw_ekf": __version__},
-        effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
+        effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], stds[PARAMETER_COUNT:]),
         wheel=wheel,
         temperature_lag_s=setup.temperature_lag_s,
     )
+
+
+def _with_considered(setup: FilterSetup, covariance: Float64Array) -> Float64Array:
+    """A filter's covariance (4 + m, 4 + m) with what its effects' shapes make of the numbers, x_k of eq. 7a.
+
+    A filter begins with that in its variances, and learns as if the shapes were known: as far as it has learned, it
+    comes on top.
+    """
+    ways = np.array([way.numbers for way in setup.effects.considered])
+    if ways.size == 0:
+        return covariance
+    began = np.diag(setup.prior.known(setup.effects.size)[1])
+    learned = np.sqrt(np.maximum(1.0 - np.diag(covariance) / began, 0.0))
+    ways = ways * learned
+    return np.asarray(covariance + ways.T @ ways)
 
 
 def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterSetup:

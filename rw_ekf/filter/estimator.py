@@ -22,7 +22,7 @@ from rw_ekf.filter.identifiability import Validity
 from rw_ekf.filter.interval_inputs import Gatherer, outlook
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.step import Sample
-from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
+from rw_ekf.model.state import MOTOR_GAIN, PARAMETERS, STATE_SIZE, FrictionParameters
 from rw_ekf.records import (
     Believed,
     Estimate,
@@ -34,7 +34,7 @@ from rw_ekf.records import (
     WheelState,
 )
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
-from rw_ekf.wheel.momentary_friction import FrictionTorque, current_for
+from rw_ekf.wheel.momentary_friction import FrictionTorque, current_for, variance_of_known_shapes
 from rw_ekf.wheel.pieces import Moment
 from rw_ekf.wheel.window import lateness
 
@@ -79,6 +79,8 @@ class Estimator:
         self._last: WheelSample | None = None
         self._effects, self._effect_names = effects, effects.state_names
         self._began = self.covariance
+        moved = zip(*(way.numbers for way in effects.considered), strict=True)
+        self._follow_shapes = [math.fsum(by**2 for by in number) for number in moved]
 
     @property
     def mean(self) -> Float64Array:
@@ -158,6 +160,15 @@ class Estimator:
             self.points.add(speed, self._gatherer.schedule.in_force_A)
         return self._estimate(sample, what, innovation, predicted)
 
+    def _stds(self) -> list[float]:
+        """Of all states, (n,): what is considered of shapes and curves counts (docs/filter.md eq. 7a)."""
+        stds: list[float] = self.ekf.std.tolist()
+        for i, follows in enumerate(self._follow_shapes, start=MOTOR_GAIN):
+            if follows > 0.0:
+                known = variance_of_known_shapes(stds[i] ** 2, float(self._began[i, i]), follows)
+                stds[i] = math.sqrt(known + follows)
+        return stds
+
     def _innovation(self, time_s: float, what: int) -> Innovation:
         residual, variance = float(self.ekf.y[0, 0]), float(self.ekf.S[0, 0])
         gate = self.constants.gate
@@ -169,7 +180,7 @@ class Estimator:
         self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan
     ) -> Estimate:
         ekf, table, names = self.ekf, self.ekf.table, self._effect_names
-        values, stds = ekf.x.tolist(), ekf.std.tolist()
+        values, stds = ekf.x.tolist(), self._stds()
         effects: dict[str, Believed] = {}
         if names:
             known = slice(STATE_SIZE, STATE_SIZE + len(names))

@@ -71,7 +71,7 @@ class FrictionTorque(NamedTuple):
             followed, considered = self._considered(friction, x, ways)
             began = _variance(friction, x, _of_known_speed(self.began))
             by_speed = max(variance - now, 0.0)
-            variance = by_speed + _of_known_shapes(now, began, followed) + considered
+            variance = by_speed + variance_of_known_shapes(now, began, followed) + considered
         return Believed(friction(x), math.sqrt(variance))
 
     def _considered(
@@ -101,15 +101,16 @@ def _of_known_speed(spread: Float64Array) -> Float64Array:
     return known
 
 
-def _of_known_shapes(now: float, began: float, followed: float) -> float:
+def variance_of_known_shapes(now: float, began: float, followed: float) -> float:
     """The variance that a filter would have by now had it begun with the shapes known (docs/filter.md eq. 7b).
 
-    It began with what shapes make of the numbers in its variance, and has learned since: information adds up.
+    It began with what shapes make of the numbers in its variance, `followed`, and has learned since: information adds
+    up. Where a number that drifts is known worse than at first, the share of the shapes in it is what it was.
     """
     known = began - followed
     if not (now > 0.0 and known > 0.0):
         return 0.0
-    return 1.0 / (1.0 / known + max(1.0 / now - 1.0 / began, 0.0))
+    return 1.0 / (1.0 / known + 1.0 / now - 1.0 / began) if now < began else now * known / began
 
 
 @by_identity

@@ -8,19 +8,24 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.effects.catalogue import FORMULAS
+from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
+from rw_ekf.model.considered import Direction, Off
+from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import stribeck
 from rw_ekf.model.moment import Moment
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
+from rw_ekf.starting_point import model_of, setup_of_model
 from rw_ekf.wheel.dispatch import STATIC_EFFECTS
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.pieces import effect_interval
 from tests.filter.effect_replay import believed, in_use
 from tests.ticks import tick_of
-from tools.measure.runs import constants_for
+from tools.measure.runs import OMEGA_S, constants_for
 
 CURRENT_A, SPEED, HEAT_DEGC = 0.12, 7.0, 31.0
 SHORT_S = 1.0e-8
@@ -142,3 +147,47 @@ def test_an_estimate_that_no_estimator_made_knows_no_friction() -> None:
     """It says so instead of answering zero."""
     with pytest.raises(ValueError, match="no estimator"):
         tick_of(WheelSample(0.0, 1.0)).estimate.friction_torque_rad_s2()
+
+
+def considered_bump() -> tuple[EffectSet, Belief]:
+    """A bump whose place and amplitude are open together, and the belief that a filter begins with."""
+    bump = Term(CATALOGUE["drag_bump"], (0.08,), (0.02,), (60.0, 8.0, 0.0))
+    way = Direction((0.0, 0.0, 1.0e-3, 0.0, 0.01), (Off((0.5, 0.0, 0.0)),))
+    belief = believed(EffectSet((bump,)))
+    covariance = belief.covariance.copy()
+    covariance[1:, 1:] += np.outer(way.numbers, way.numbers)
+    return EffectSet((bump,), (way,)), Belief(belief.mean, covariance, ("drag_bump",))
+
+
+def test_what_shapes_make_of_a_number_is_never_learned() -> None:
+    """At first the amplitude's deviation is the belief's; minutes later no less than the bump's place allows."""
+    effects, belief = considered_bump()
+    estimator = Estimator(constants_for(), belief.mean, belief.covariance, effects)
+    plain = Estimator(constants_for(), belief.mean, belief.covariance, EffectSet(effects.terms))
+    first = estimator.step(WheelSample(0.0, 60.0))
+    assert first.effects["drag_bump"].std == pytest.approx(math.sqrt(belief.covariance[5, 5]))
+    assert first.effects["drag_bump"] == plain.step(WheelSample(0.0, 60.0)).effects["drag_bump"]
+    for i in range(1, 6000):
+        sample = WheelSample(0.1 * i, 60.0 + 20.0 * math.sin(0.02 * i))
+        for one in (estimator, plain):
+            one.command_issued(IssuedCommand(CURRENT_A))
+        last, without = estimator.step(sample), plain.step(sample)
+    assert np.array_equal(estimator.mean, plain.mean)
+    follows, began, now = 0.01**2, belief.covariance[5, 5], without.effects["drag_bump"].std ** 2
+    assert now < 0.5 * began
+    by_hand = 1.0 / (1.0 / (began - follows) + 1.0 / now - 1.0 / began) + follows
+    assert last.effects["drag_bump"].std == pytest.approx(math.sqrt(by_hand), rel=1e-9)
+    assert last.std.coulomb > without.std.coulomb
+    assert last.std.motor_gain == without.std.motor_gain
+
+
+def test_the_file_that_a_run_leaves_counts_it_too() -> None:
+    """As it began where nothing was learned; with what the place leaves open on top where all was."""
+    effects, belief = considered_bump()
+    covariance = tuple(tuple(row) for row in belief.covariance[1:6, 1:6].tolist())
+    setup = setup_of_model(WheelModel(belief.parameters, covariance, OMEGA_S, effects=effects), 0.1, 0.003, 0.1)
+    assert np.allclose(model_of(setup.prior, setup, {}).covariance, belief.covariance[1:6, 1:6], rtol=1e-12)
+    known = Belief(belief.mean, 1.0e-6 * belief.covariance, belief.effect_ids)
+    left = np.array(model_of(known, setup, {}).covariance)
+    follows = np.array(effects.considered[0].numbers)
+    assert np.allclose(left, 1.0e-6 * belief.covariance[1:6, 1:6] + np.outer(follows, follows), rtol=1e-5, atol=1e-12)
