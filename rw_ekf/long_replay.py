@@ -128,9 +128,9 @@ class _Parts:
         """How the busiest part was sampled."""
         return sampling_of(self.busiest)
 
-    def logs(self) -> Iterator[LogPart]:
-        """Read the parts once."""
-        for part in self._log.parts():
+    def logs(self, *, again: bool = False) -> Iterator[LogPart]:
+        """Read the parts once; again: they will be read once more."""
+        for part in self._log.parts(again=again):
             if self._first is None:
                 if not self._as_it_was and evenly_stamped(part.log) is not part.log:
                     raise UnsoundError(
@@ -223,7 +223,7 @@ def _back(
     advance: Callable[[int], object],
 ) -> tuple[_Whole, NoiseColour | None]:
     """The whole log in hindsight, from its busiest part, and the colour of its readings' noise."""
-    for _ in parts.logs():
+    for _ in parts.logs(again=True):
         pass
     course, parts.colour = independent_readings(parts.course(parts.busiest))
     setup = with_stribeck_speeds(course, setup_of_record(course, None, model))

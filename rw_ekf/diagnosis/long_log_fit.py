@@ -122,7 +122,7 @@ def _sums(fit: Fit, model: Model, prepared: Prepared, log: LongLog) -> _Sums | N
     """Go through the log once, but for parts without a reading; None where what one teaches cannot be computed."""
     size = model.vector.size
     scores, information = [], np.zeros((size, size))
-    for part in log.parts():
+    for part in log.parts(again=True):
         course, inside = _course_of(part, prepared)
         if not np.any(np.isfinite(course.speed_rad_s[inside])):
             continue

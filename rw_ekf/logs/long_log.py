@@ -24,6 +24,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 
 LONG_ROWS = 262_144  # 54 MB and more as a whole; shorter logs are held, and all that is known of a log is known of them
 _LEAST_ROW_BYTES = 2.0  # of a file: a reading has noise, which nothing packs into less
+_KEPT_BYTES = 96_000_000  # of parts, a million rows and more: to read them again costs as much as to filter them twice
 BEFORE_S = 12.0  # of the part before: a delay or a mean is 10 s at most (rw_ekf.effects)
 
 
@@ -45,19 +46,32 @@ class LongLog:
     carried: tuple[str, ...] | None = ()  # columns that a model is a function of; None: all there are
     rows: int = 0  # about, until all parts have been read once
     warnings: tuple[str, ...] = field(default=(), init=False)  # what was mended in reading, once they have been
+    _kept: list[LogPart] | None = field(default=None, init=False)  # all of them, where they have been read and are few
 
     def __len__(self) -> int:
         return self.rows
 
-    def parts(self) -> Iterator[LogPart]:
-        """Read the parts. Raises UnsoundError where only the whole can be judged, LogError as `read_log`."""
-        assembly, row = Assembly(self.columns, self.carried), 0
+    def parts(self, *, again: bool = False) -> Iterator[LogPart]:
+        """Read the parts; again: they will be read once more, and those of a log that is not much too long are kept.
+
+        Raises UnsoundError where only the whole can be judged, LogError as `read_log`.
+        """
+        if self._kept is not None:
+            yield from self._kept
+            return
+        assembly, row, size = Assembly(self.columns, self.carried), 0, 0
+        kept: list[LogPart] = []
         last: Rows | None = None
         for table in self._tables():
             log, begin, last = assembly.part(table, last, BEFORE_S)
-            yield LogPart(log, begin, row)
+            part = LogPart(log, begin, row)
+            size += _bytes_of(log)
+            again = again and size <= _KEPT_BYTES
+            kept = [*kept, part] if again else []
+            yield part
             row += len(log) - begin
         self.rows, self.warnings = row, tuple(assembly.warnings(self.name))
+        self._kept = kept if again else None
 
     def _tables(self) -> Iterator[RawTable]:
         for file in self.files:
@@ -66,6 +80,11 @@ class LongLog:
                 if needs_guess(table) and not self.columns.sources:
                     raise UnsoundError(f"{self.name}: its columns have other names than a log's")
                 yield table
+
+
+def _bytes_of(log: WheelLog) -> int:
+    arrays = (log.time_s, log.speed_rad_s, log.current_A, log.command_delay_s, log.segment, *log.channels.values())
+    return sum(array.nbytes for array in arrays) + sum(len(values) * 8 for values in log.other.values())
 
 
 def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] | None = ()) -> LongLog | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from rw_ekf.logs import csv_table, long_log, parquet_table
 from rw_ekf.logs.column_map import ColumnMap, Source
 from rw_ekf.logs.long_log import LongLog, long_log_of
 from rw_ekf.logs.parts import part_path
+from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.tables import write_table
 from rw_ekf.logs.wheel_log import WheelLog
@@ -58,9 +60,9 @@ def opened(path: Path, columns: ColumnMap | None = None) -> LongLog:
     return log
 
 
-def put_together(log: LongLog) -> WheelLog:
+def put_together(log: LongLog, *, again: bool = False) -> WheelLog:
     """The rows of all parts, none twice."""
-    parts = list(log.parts())
+    parts = list(log.parts(again=again))
     assert len(parts) > 5
     assert [part.first_row for part in parts] == list(np.cumsum([0, *(len(p.log) - p.begin for p in parts[:-1])]))
     last = parts[-1].log
@@ -168,3 +170,28 @@ def test_a_short_log_is_held(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     write_table(path, {name: values[:900] for name, values in columns_of(6).items()})
     assert long_log_of(path, ColumnMap()) is None
+
+
+@pytest.mark.parametrize(
+    ("kept_bytes", "again", "readings"), [(10_000_000, True, 1), (10_000_000, False, 3), (100_000, True, 3)]
+)
+def test_a_log_that_is_not_much_too_long_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept_bytes: int, again: bool, readings: int
+) -> None:
+    """Where its parts are asked for again; one that is longer, or is not, is read each time, to the same rows."""
+    monkeypatch.setattr(long_log, "_KEPT_BYTES", kept_bytes)
+    write_table(tmp_path / "log.csv", columns_of(9))
+    log, whole = opened(tmp_path / "log.csv"), LongLog._tables
+    read: list[str] = []
+
+    def counted(self: LongLog) -> Iterator[RawTable]:
+        read.append(self.name)
+        return whole(self)
+
+    monkeypatch.setattr(LongLog, "_tables", counted)
+    found = [put_together(log, again=again) for _ in range(3)]
+    assert len(read) == readings
+    for name in ARRAYS:
+        assert all(np.array_equal(getattr(one, name), getattr(found[0], name), equal_nan=True) for one in found[1:])
+    next(log.parts())  # one that is not gone through leaves what is kept as it is
+    assert len(put_together(log)) == len(found[0])
