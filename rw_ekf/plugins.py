@@ -49,7 +49,7 @@ def added(group: Group, taken: Iterable[str] = ()) -> dict[str, EntryPoint]:
 def loaded(point: EntryPoint) -> Any:
     """What an entry point names. Raises ConfigError, with whose it is, where it cannot be imported."""
     try:
-        return point.load()
+        return _imported(point)
     except ConfigError:
         raise
     except Exception as error:
@@ -68,6 +68,11 @@ def loaded_as(kind: type[Kind], point: EntryPoint) -> Kind:
 def refused(point: EntryPoint, why: str) -> ConfigError:
     """The error for an entry point that is not what its group asks for."""
     return ConfigError(f"{point.group}: {point.name!r} of {_origin(point)} ({point.value}) {why}")
+
+
+@functools.cache  # each log asks twenty-five formats whether it is theirs
+def _imported(point: EntryPoint) -> Any:
+    return point.load()
 
 
 @functools.cache
