@@ -10,7 +10,7 @@ from typing import Any
 
 from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.identify.misread import Motion, motion_of, warnings_of
+from rw_ekf.identify.misread import motion_of, unexplained, warnings_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap
@@ -20,9 +20,6 @@ from rw_ekf.logs.reader import log_of_table, map_of, read_table, table_in_memory
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.result_display import Shown
 
-# Of the changes of speed over windows: 77 logs that are read rightly leave at most 0.23 (those whose readings are
-# filtered or late), wrong columns and wrong rows 0.17 to 1. 30 % less or more changes none of the 77.
-_UNEXPLAINED = 0.4
 COLUMNS_SCHEMA = "rw_ekf.columns/1"
 
 
@@ -80,17 +77,6 @@ class GuessedColumns(Shown):
 
     def __repr__(self) -> str:
         return f"GuessedColumns({self.log!r}, {'certain' if self.is_certain else 'with questions'})"
-
-
-def unexplained(motion: Motion) -> tuple[str, ...]:
-    """A sentence where hardly anything of a log's motion is a machine's; none where enough is."""
-    left = motion.unexplained
-    if motion.misread or left is None or left <= _UNEXPLAINED:
-        return ()
-    return (
-        f"read like this, drive and friction explain {100.0 * (1.0 - min(left, 1.0)):.0f} % of how the speed "
-        "changes: is one of the columns another wheel's, a set-point, or another quantity?",
-    )
 
 
 def doubted(log: WheelLog) -> WheelLog:

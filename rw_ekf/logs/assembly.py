@@ -163,6 +163,7 @@ class Assembly:
             skipped_rows=tally.skipped,
             in_rpm=mapped.in_rpm or (mapped.position is not None and mapped.position[2] == "speed_rpm"),
             sources=mapped.sources,
+            guessed=self._columns.guessed,
             faults=(*mapped.faults, *([] if tally.clock is None else [tally.clock])),
         )
         return log, begin, Rows.last_of(log, {**values, name: current_A}, keep_s)

@@ -43,6 +43,7 @@ _TURNING = (
     "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours",
     "giri",
 )  # fmt: skip
+_OF_A_VEHICLE = ("km/h", "kmh", "kmph", "kph", "км/ч", "mph", "mi/h")
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
 _FACTOR = re.compile(
@@ -141,12 +142,16 @@ def _doubts(
         _NOT_SUMMED.search(f"{column.name} {column.remark}") or any(map(SINCE_LAST.search, table.preamble))
     ):
         yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
-    if line.entry.get("derivative_of") is not None and {"x", "y"} <= {
-        _TAIL.sub("", name.lower()) for name in table.names
-    }:
-        yield f"{column.shown}: x and y stand beside it: is it the wheel's angle, or the heading of a vehicle?", (line,)
+    if _may_be_a_heading(line, column) and {"x", "y"} <= {_TAIL.sub("", name.lower()) for name in table.names}:
+        yield f"{column.shown}: x and y stand beside it: is it the wheel's, or the heading of a vehicle?", (line,)
     if line.name.startswith("speed"):
         yield from _doubts_of_speed(one, table, bool(told.unit("speed_rad_s", "speed_rpm")))
+
+
+def _may_be_a_heading(line: Line, column: Column) -> bool:
+    """Whether a line is of an angle or of a speed that no word and no unit makes a machine's."""
+    bare = column.role == "speed" and not column.said.has("machine") and column.unit in ("", "rad/s", "deg/s")
+    return line.entry.get("derivative_of") is not None or (line.name == "speed_rad_s" and bare)
 
 
 def _scaled(line: Line, factor: str) -> Iterator[Line]:
@@ -185,6 +190,8 @@ def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterat
     of_another = said.has("other_machine") or said_by(column.remark).has("other_machine")
     if of_another and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
         yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
+    if not unit_was_set and said.unit_text.lower() in _OF_A_VEHICLE:
+        yield f"{column.shown} is in {said.unit_text}, as a vehicle's is: is it what the drive moves?", (line,)
     if unit is None or unit_was_set or unit.quantity != "speed":
         return
     if column.name.lower() in ("drpm", "mrpm"):

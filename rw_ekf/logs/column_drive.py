@@ -16,7 +16,7 @@ from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 
 _AMPERES = (0.02, 20.0)  # largest current that, with decimals and no unit, is in amperes: less moves no motor
-_FED = ("supply", "battery", "batt", "bus", "netzteil", "versorgung", "alimentation", "alim", "fuente")
+_FED = ("supply", "battery", "batt", "bus", "hv", "netzteil", "versorgung", "alimentation", "alim", "fuente")
 _NOTHING: tuple[str, dict[str, object]] = ("current_command_A", {"constant": 0.0})
 _FREE = Line(*_NOTHING, "if it coasted all the time")
 _CURRENTS: tuple[tuple[Role, str, str], ...] = (
@@ -192,15 +192,25 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
 
 
 def _feeds(column: Column, columns: list[Column]) -> bool:
-    """Whether a current times a voltage that hardly changes is the power of another column: the supply's."""
-    volts = [c.values for c in columns if c.role in ("voltage", "bus_voltage") and np.isfinite(c.values).any()]
-    steady = [values for values in volts if np.nanstd(values) < _STEADY * abs(np.nanmean(values))]
+    """Whether a current stands with a voltage that hardly changes, as a motor's does with its speed: the supply's.
+
+    With one that is called as plainly as the current, or times which it is the power of another column.
+    """
+    controlled = any(c.role == "current_set" and c.moves for c in columns)  # which only a motor's is
+    if controlled or column.said.has("machine", "torque_axis") or column.name in READABLE_COLUMNS:
+        return False
+    volts = [c for c in columns if c.role in ("voltage", "bus_voltage") and np.isfinite(c.values).any()]
+    held = [c for c in volts if np.nanstd(c.values) < _STEADY * abs(np.nanmean(c.values))]
+    plain = [c for c in volts if c.role == "voltage" and c.moves]
+    if plain and all(c in held for c in plain):
+        return True
+    steady = [c.values for c in held]
     powers = [c.values for c in columns if c.role == "other" and c.moves and np.nanmax(np.abs(c.values)) > 0.0]
     products = ((power, values * column.values) for power in powers for values in steady)
     found = (
         np.abs(np.abs(power) - np.abs(product)) < _SAME_POWER * np.nanmax(np.abs(power)) for power, product in products
     )
-    return not column.said.has("machine") and any(np.mean(same) > 1.0 - _SAME_POWER for same in found)
+    return any(np.mean(same) > 1.0 - _SAME_POWER for same in found)
 
 
 def _in_amperes(column: Column) -> bool:

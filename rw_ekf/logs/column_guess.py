@@ -19,9 +19,10 @@ from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_drive import find_drive
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
-from rw_ekf.logs.column_speed import find_speed
+from rw_ekf.logs.column_speed import find_speed, rad_of_one
 from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, no_clock, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
+from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
 from rw_ekf.logs.side_by_side import MAY_BE_A_PART
@@ -41,6 +42,13 @@ _NOT_OF_THE_WHEEL = (
     "cpu", "mcu", "pcb", "board", "ambient", "amb", "room", "raum", "env", "chamber", "delta", "rise", "barometric",
     "set", "setpoint", "yaw", "pitch", "roll", "pendulum", "pend",
 )  # fmt: skip
+_ELECTRONICS = (
+    "mos", "mosfet", "mosfets", "fet", "fets", "igbt", "esc", "inverter", "driver", "bat", "battery", "batt", "bms",
+    "gpu", "coolant",
+)  # fmt: skip
+_NO_CLOCK = tuple(name for name in WORDS if name != "time")  # words of these say that it is something else
+_SLIPS = (1.0, 180.0 / math.pi, 30.0 / math.pi, 2.0 * math.pi, 6.0, 60.0, 360.0, 1e3, 1e6)  # of mistaken units
+_NEAR = 0.1  # of the logarithm of a ratio
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 
 
@@ -75,7 +83,7 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None, given:
     speed = find_speed(table, left, time_s, told, guess)
     left = [column for column in left if column is not speed]
     find_drive(left, speed, told, guess)
-    _find_further(left, speed, told, guess)
+    _find_further(left, speed, None if clock is None else clock.time_s, told, guess)
     taken = [line.entry.get("column") for line in guess.lines]
     for column in (each for each in columns if each.turn is not None and each.key in taken):
         guess.notes.append(f"{column.shown}: what lies just below {column.turn:g} is negative, and read as unsigned")
@@ -121,7 +129,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     else:
         clocks = clocks_among([c for c in columns if c.role == "time" and np.isfinite(c.values).all()])
         # What is called nothing that is known is a time where it holds dates.
-        undated = [c for c in columns if c.role in ("other", "count", "angle") and _holds_dates(table, c)]
+        undated = [c for c in columns if c.role in ("other", "count", "angle") and (_holds_dates(table, c) or _runs(c))]
         clocks = clocks or clocks_among(undated)
     if clocks:
         clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank, -clock.again))
@@ -228,6 +236,12 @@ def _holds_dates(table: RawTable, column: Column) -> bool:
     return since_1970 or julian if table.is_plain_number(column.number) else float(np.ptp(values)) > 0.0
 
 
+def _runs(column: Column) -> bool:
+    """Whether a column in a unit of time rises from row to row, whatever it is called in whatever language."""
+    in_time = column.said.unit is not None and column.said.unit.quantity == "time" and not column.said.has(*_NO_CLOCK)
+    return in_time and bool(np.all(np.diff(column.values) > 0.0))  # NaN does not
+
+
 def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str] | None:
     """The only counter that rises, where the file says how fast it runs: clock, its step [s], and what says so."""
     counters = [c for c in columns if c.role in ("count", "angle", "time") and c.said.any_of(*_COUNTERS_CALLED)]
@@ -268,20 +282,41 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
     guess.notes += clock.notes
 
 
-def _find_further(columns: list[Column], speed: Column | None, told: Answers, guess: Guess) -> None:
+def _find_further(
+    columns: list[Column], speed: Column | None, time_s: Float64Array | None, told: Answers, guess: Guess
+) -> None:
     """Add what a log may have beside, where one column fits and says its unit."""
     for role, name in _EXTRA.items():
         best = best_of([c for c in columns if c.role == role and np.isfinite(c.values).mean() > LEAST_SHARE])
         if len(best) != 1 or (best[0].said.words == {"t"} and np.nanmedian(best[0].values) < _WARM_DEGC):
             continue
-        if (best[0].unit or best[0].name == name) and not best[0].said.any_of(*_NOT_OF_THE_WHEEL):
+        elsewhere = _NOT_OF_THE_WHEEL + (_ELECTRONICS if role == "temperature" else ())
+        if (best[0].unit or best[0].name == name) and not best[0].said.any_of(*elsewhere):
             entry = told.with_more(name, best[0].entry(best[0].unit))
             guess.take(name, entry, f"its name says {best[0].unit or 'so'}")
     angles = [c for c in columns if c.role == "angle" and c.moves]
     unit = angles[0].said.unit if len(angles) == 1 else None
     turning = speed is not None and unit is not None and not unit.per and not angles[0].said.has("temperature")
     if turning and not angles[0].said.any_of(*_NOT_OF_THE_WHEEL) and _turns(angles[0], unit):
+        if (ratio := _of_another(angles[0], speed, time_s)) is not None:
+            guess.notes.append(f"{angles[0].shown} turns {ratio:.3g} times as fast as the speed says: it is left out")
+            return
         guess.take("angle_rad", angles[0].entry(angles[0].unit), f"its name says {angles[0].unit}")
+
+
+def _of_another(angle: Column, speed: Column | None, time_s: Float64Array | None) -> float | None:
+    """How many times as fast as a speed an angle turns that begins anew nowhere; None where it may be the speed's.
+
+    By a factor that a mistaken unit has, the motion tells what is mistaken (`rw_ekf.identify.misread`).
+    """
+    unit = None if speed is None else speed.said.unit
+    if speed is None or unit is None or unit.per or angle.said.unit is None:
+        return None
+    turned = rad_of_one(speed, angle, time_s)
+    if not turned or float(np.nanmax(angle.values) - np.nanmin(angle.values)) * angle.said.unit.factor <= 2.0 * math.pi:
+        return None
+    ratio = abs(turned) / unit.factor
+    return None if any(abs(abs(math.log(ratio)) - math.log(slip)) < _NEAR for slip in _SLIPS) else ratio
 
 
 def _turns(angle: Column, unit: Unit | None) -> bool:

@@ -94,6 +94,7 @@ class ColumnMap:
     dbc: str | None = None  # path
     only: tuple[str | int, str] | None = None  # a column, and which of its values
     wheel: str | None = None  # of several, by name or number, however the file tells them apart; in no map's file
+    guessed: bool = False  # by nobody but the names, units and numbers of the file
 
     def options(self) -> dict[str, object]:
         """What it says beside the columns, as the file of a map has it; the path of a database from anywhere."""
@@ -110,7 +111,7 @@ class ColumnMap:
         return any(column == number or (bool(name) and column == name) for column in taken if column is not None)
 
 
-_NO_OPTIONS = ("path", "sources", "csv", "wheel")
+_NO_OPTIONS = ("path", "sources", "csv", "wheel", "guessed")
 
 
 def as_written(value: object) -> str:

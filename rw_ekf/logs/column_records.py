@@ -128,7 +128,8 @@ class Column:
         """How well it fits what its role is, beside others of that role."""
         said = self.said
         electrical = said.any_of("electrical", "elec", "erpm")
-        second = said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
+        linear = said.unit is not None and said.unit.quantity == "linear_speed"
+        second = linear or said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
         whole = said.unit is not None and not said.unit.per
         elsewhere = said.has("other_machine" if self.role == "speed" else "other_load")
         return (

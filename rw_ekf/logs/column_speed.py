@@ -21,6 +21,7 @@ _TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
 _ANGLES = ("angle", "angolo", "angulo", "drehwinkel", "mechangle", "phi", "rotorangle", "theta", "winkel")
 _INERTIAL = ("gyro", "gyrox", "gyroy", "gyroz", "gx", "gy", "gz", "imu")  # which turn with what carries the wheel
 _FAR, _OFTEN = 0.4, 0.95  # of a turn between rows, which is no longer sure to be the shorter way; in how many rows
+_APART, _LEAST = 0.05, 1.0e-300  # of its square: so much of a speed is no multiple of another that turns with it
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
 
@@ -49,6 +50,11 @@ def find_speed(
     if still is not None and all(c.said.has("linear") for c in speeds):  # gyros, or the vehicle's speed over ground
         candidates = [] if what == "speed" else candidates
     column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess, _known_line)
+    other = next((c for c in speeds if _is_electrical(c)), None) if given is None and what == "speed" else None
+    if column is not None and other is not None and not _is_electrical(column) and not _go_together(column, other):
+        text = f"{column.shown} and {other.shown} do not turn together: which of them is the speed of the wheel?"
+        guess.ask("speed_rad_s", f"{text} --set speed=COLUMN.", *filter(None, [_known_line(column)]))
+        return None
     spoilt = next((c for c in columns if c.role == "speed" and c.spoilt), None) if given is None else None
     if spoilt is not None and (column is None or column.role == "angle" or spoilt.rank > column.rank):
         guess.ask("speed_rad_s", f"{spoilt.shown} {spoilt.spoilt}; or --set speed=COLUMN.")
@@ -96,6 +102,19 @@ def find_speed(
         guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
     guess.lines.append(replace(_speed_line(column, unit, why, sign, told, **more), assumed=assumed))
     return column
+
+
+def _is_electrical(column: Column) -> bool:
+    """Whether a speed is a motor's by its unit: nothing else has pole pairs."""
+    return column.said.unit is not None and column.said.unit.per == "pole_pairs"
+
+
+def _go_together(one: Column, other: Column) -> bool:
+    """Whether a speed is a multiple of another, but for noise and filters."""
+    known = np.isfinite(one.values) & np.isfinite(other.values)
+    x, y = np.abs(one.values[known]), np.abs(other.values[known])  # a VESC's has no sign
+    left = y - x * float(x @ y) / max(float(x @ x), _LEAST)
+    return float(left @ left) < _APART * float(y @ y)
 
 
 def _is_spoilt(column: Column, table: RawTable) -> bool:
@@ -172,6 +191,16 @@ def _unit_in_words(column: Column) -> str:
 
 def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str | None:
     """The unit in which a speed is the rate of an angle of a known unit."""
+    ratio = rad_of_one(column, angle, time_s)
+    for unit in ("rpm", "rad/s", "deg/s", "rev/s"):
+        known = unit_of(unit)
+        if ratio is not None and known is not None and abs(ratio / known.factor - 1.0) < _SAME:
+            return unit
+    return None
+
+
+def rad_of_one(column: Column, angle: Column, time_s: Float64Array | None) -> float | None:
+    """How many rad/s an angle of a known unit turns where a speed is one; None where that cannot be told."""
     of_angle = angle.said.unit
     if of_angle is None and (turn := _turn_of(angle)) in _TURN_UNITS:
         of_angle = unit_of(_TURN_UNITS[turn])
@@ -182,15 +211,10 @@ def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str
     if float(np.ptp(angle.values[np.isfinite(angle.values)])) <= turn * (1.0 + 1e-9):
         change -= turn * np.round(change / turn)
     mean = 0.5 * (column.values[1:] + column.values[:-1]) * np.diff(time_s)
-    sure = np.isfinite(mean) & np.isfinite(change) & (np.abs(mean) > 0.3 * np.nanmax(np.abs(mean)))
+    sure = np.isfinite(mean) & np.isfinite(change) & (np.abs(mean) > 0.3 * np.nanmax(np.abs(mean), initial=0.0))
     if int(sure.sum()) < 20:
         return None
-    ratio = float(np.median(change[sure] / mean[sure])) * of_angle.factor
-    for unit in ("rpm", "rad/s", "deg/s", "rev/s"):
-        known = unit_of(unit)
-        if known is not None and abs(ratio / known.factor - 1.0) < _SAME:
-            return unit
-    return None
+    return float(np.median(change[sure] / mean[sure])) * of_angle.factor
 
 
 def _counts_line(

@@ -52,7 +52,7 @@ _SPELLINGS: dict[str, Unit] = {
         "umdr/min tr/min tr/mn trs/min r/min rev/min r.p.m rev./min vueltas/min voltas/min rotacoes/min rotações/min "
         "revs/min 转每分 转/min kierr/min 1/perc fordulat/perc obr/min dev/dk devir/dk devir/dak d/dk d/dak omw/min "
         "toeren/min varv/min ot/min turn/min turns/min giri/min rot/min revolutionsperminute rotations/min "
-        "rotations/minute revolutions/min rev/minute"),
+        "rotations/minute revolutions/min rev/minute omdr/min vòng/phút vrt/min aps/min"),
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
@@ -102,7 +102,11 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("share"), "-1..1 0..1 pu p.u"),
     **_all(Unit("acceleration"), "rad/s2 rad/s/s m/s2 g deg/s2 rpm/s"),
     **_all(Unit("linear_speed"), "m/s"),
+    **_all(Unit("linear_speed", 1e-2), "cm/s"),
     **_all(Unit("linear_speed", 1e-3), "mm/s"),
+    **_all(Unit("linear_speed", 1.0 / 60.0), "m/min"),
+    **_all(Unit("linear_speed", 1.0 / 3.6), "km/h kmh kmph kph км/ч"),
+    **_all(Unit("linear_speed", 0.44704), "mph mi/h"),
     **_all(Unit("length"), "m meter meters metre metres"),
     **_all(Unit("length", 1e-3), "mm"),
     **_all(Unit("length", 1e-6), "um"),

@@ -19,8 +19,8 @@ WORDS: dict[str, frozenset[str]] = {
             horodatage horodate marcatemps tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
-            istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus obratky obrotowa obroty omega omegas omg
-            otacky phidot predkosc qd qdot raddrehzahl regime rotacao rotacion rotation rotationspeed
+            istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus obratky obrotowa obroty omdrejningstal omega
+            omegas omg otacky phidot predkosc qd qdot raddrehzahl regime rotacao rotacion rotation rotationspeed
             rotrate rpm snelheid spd speed speeds tacho tachometer thetadot toerental tours varvtal vel velo
             velocidad velocidade velocita velocities velocity vitesse w wheelspeed winkelgeschwindigkeit wm """,
         "angle": """
@@ -31,7 +31,7 @@ WORDS: dict[str, frozenset[str]] = {
             current current_raw currents i i_q ia iadc idc iin im imot imotor intensidad intensite iq isense
             iststrom motorcurrent motorstrom phasecurrent prad pradu proud stroem strom stroom virta """,
         "supply": """
-            akku alim alimentacao alimentacion alimentation alimentazione bat bateria batt batteria batterie battery
+            akku alim alimentacao hv alimentacion alimentation alimentazione bat bateria batt batteria batterie battery
             besleme bus charge dc eingang eingangs entrada entrata entree eps fuente ibus idc iin in input line
             mains netz netzteil psu quiescent source supply total versorgung voeding zasilania zasilanie
             zwischenkreis """,
@@ -101,9 +101,9 @@ WORDS: dict[str, frozenset[str]] = {
             aux brake charger coil cpu excitation fan field fuse gyro heater heizung host imu laser leak leakage led
             logic magnet magnetorquer mcu model mtq obc panel pcb predicted pump radio sim simulated solar standby """,
         "other_machine": """
-            abtrieb abtriebsdrehzahl arm base body dyno fan gear gearbox getriebe gimbal gyro imu load model pend
-            pendulum pitch plate platform predicted pump roll sat satellite sim simulated spacecraft spindle turntable
-            yaw """,
+            abtrieb abtriebsdrehzahl arm base body cadence crank dyno fan gear gearbox getriebe gimbal gyro imu kadenz
+            load model pedal pend pendulum pitch plate platform predicted pump roll sat satellite sim simulated
+            spacecraft spindle turntable yaw """,
         "linear": """
             distance gyro gyrox gyroy gyroz imu meters air car gnss gps ground linear vehicle wind """,
     }.items()

@@ -60,6 +60,8 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     ]
     above, devices = _without_devices(above, layout)
     levels = _by_level([line for _, line in above], layout)
+    while levels is None and len(above) > 1 and _is_mark(above[-1][1], layout):
+        above.pop()
     above, prose = (above, ()) if levels else _without_remarks(above, layout)
     prose = prose or devices
     units: tuple[str, ...] = ()
@@ -70,6 +72,8 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
         taken -= 1
     if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
         names = (RECEIVED if is_stamp(cells[0]) else cells[0], *cells[1:])  # a terminal stamps the names too
+        if is_comment(above[taken - 1][1], layout) and len(names) == layout.width + 1 and not _roles([names[0]]):
+            names = names[1:]  # `#COLS,t_us,rpm`: what the comment is
         taken -= 1
     if 0 < len(names) < len(units):  # a prompt or a title: the names are units themselves
         names, units, taken = units, (), taken + 1
@@ -214,6 +218,12 @@ def _without_remarks(above: list[tuple[int, str]], layout: TextLayout) -> tuple[
         if _roles(names) >= max(map(_roles, remarks)) and not any(map(layout.is_value, names)):
             return above[:-below], tuple("; ".join(filter(None, column)) for column in zip(*remarks, strict=True))
     return above, ()
+
+
+def _is_mark(line: str, layout: TextLayout) -> bool:
+    """Whether a line as wide as the rows has nothing but a first word, as what marks the begin of a run: `START,,,`."""
+    first, *others = layout.cells(line) or [""]
+    return len(others) >= layout.width - 1 > 1 and bool(first) and not any(others)
 
 
 def _roles(cells: list[str]) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rw_ekf.checking.yaml_loader import parse_yaml
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_guess import guess_columns
@@ -81,4 +83,4 @@ def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
         f"{table.path}: read as {said_in_a_line(guess)}; `rw-ekf columns` writes that down, with reasons"
     )
     table.warnings += [f"{table.path}: {text}" for text in guess.warnings]
-    return map_of_guess(guess, table.path)
+    return replace(map_of_guess(guess, table.path), guessed=True)

@@ -1,0 +1,144 @@
+"""Logs of machines within machines: the speed of a vehicle, a pedal or a body, the current and the heat of others."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rw_ekf
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.foreign_logs import csv, guess
+
+RPM = 1.0 / RAD_S_PER_RPM
+
+
+def _asked(found: rw_ekf.GuessedColumns) -> list[str]:
+    return [question.name for question in found.guess.questions]
+
+
+def test_a_yaw_rate_beside_a_motor_is_no_speed_of_it(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`omega` that does not go with the electrical speed beside it is asked about; one that does is the motor's."""
+    for yaws, other in ((True, "v"), (False, "v")):
+        text = csv(
+            run,
+            f"t,{other},omega,erpm,current",
+            lambda i, t, w, c, yaws=yaws: f"{t},{w / 9},{math.sin(t / 3) if yaws else w},{w * RPM * 7},{c}",  # type: ignore[misc]
+        )
+        found = guess(tmp_path / "a.csv", text)
+        assert (_asked(found) == ["speed_rad_s"]) == yaws, found.text()
+
+
+def test_a_rate_beside_x_and_y_may_be_a_heading_s(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A pose has one too; of a speed that is called the wheel's nothing is asked."""
+    for name, asked in (("omega", ["speed_rad_s"]), ("wheel_omega", [])):
+        text = csv(run, f"t,x,y,{name},current", lambda i, t, w, c: f"{t},{w / 9 + t},{w / 8},{w / 10},{c}")
+        assert _asked(guess(tmp_path / "a.csv", text)) == asked
+
+
+@pytest.mark.parametrize("other", ["Speed_kmh", "speed [mph]", "Cadence_rpm", "pedal_rpm", "crank rpm"])
+def test_what_a_motor_moves_stands_behind_its_own_speed(tmp_path: Path, run: rw_ekf.Log, other: str) -> None:
+    """A vehicle's or a pedal's speed is passed over for the motor's, electrical too, and alone asked about."""
+    text = csv(run, f"t_s,{other},ERPM,IMotor_A", lambda i, t, w, c: f"{t},{50 + w / 9},{w * RPM * 7},{c}")
+    beside = guess(tmp_path / "a.csv", text).guess
+    assert [question.text.split("'")[1] for question in beside.questions] == ["ERPM"]
+    text = csv(run, f"t_s,{other},IMotor_A", lambda i, t, w, c: f"{t},{w / 9},{c}")
+    assert _asked(guess(tmp_path / "b.csv", text)) in (["speed_rad_s"], ["speed_rpm"])
+
+
+@pytest.mark.parametrize(
+    ("names", "asked"),
+    [
+        ("Current,Voltage", True), ("ESC current [A],ESC voltage [V]", True),
+        ("motor_hv_current,motor_hv_voltage", True),
+        ("motor_current,voltage", False), ("iq,vbus", False), ("current,bus_voltage", False),
+    ],
+)  # fmt: skip
+def test_a_voltage_that_holds_beside_a_current_is_the_supply_s(
+    tmp_path: Path, run: rw_ekf.Log, names: str, *, asked: bool
+) -> None:
+    """A motor's would go with its speed: then the current may be the supply's too, where nothing says whose it is."""
+    text = csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t},{w * RPM},{c},{24.0 - 0.1 * abs(c):.3f}")
+    found = guess(tmp_path / "a.csv", text)
+    assert _asked(found) == (["current_A"] if asked else []), found.text()
+
+
+def test_a_current_beside_a_voltage_that_goes_with_the_speed_is_the_motor_s(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """So it is beside a commanded one, which nobody commands a supply."""
+    text = csv(run, "t_s,rpm,current,voltage", lambda i, t, w, c: f"{t},{w * RPM},{c},{w * 0.02 + c * 0.3}")
+    assert not _asked(guess(tmp_path / "a.csv", text))
+    text = csv(
+        run,
+        "t_s,rpm,current,voltage,current_set",
+        lambda i, t, w, c: f"{t},{w * RPM},{c},{24.0 - 0.1 * abs(c):.3f},{c}",
+    )
+    assert not _asked(guess(tmp_path / "b.csv", text))
+
+
+def test_the_temperature_of_electronics_is_not_the_wheel_s(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A bridge warms with its current, and no friction goes with that."""
+    for name, taken in (("temp_mos_C", False), ("esc_temp_c", False), ("motor_temp_C", True), ("T_bearing [°C]", True)):
+        text = csv(run, f"t_s,rpm,i_A,{name}", lambda i, t, w, c: f"{t},{w * RPM},{c},{25 + i / 100}")
+        assert ("temperature_degC" in guess(tmp_path / "a.csv", text).guess.mapping()) == taken
+
+
+def test_an_angle_that_turns_as_no_unit_makes_it_is_of_something_else(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A gear's output is left out with a word; the wheel's own angle is taken."""
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (run.speed_rad_s[1:] + run.speed_rad_s[:-1]) * np.diff(run.time_s))])
+    for ratio in (1.0, 1.0 / 18.0):
+        text = csv(
+            run,
+            "t_s,rpm,i_A,angle_deg",
+            lambda i, t, w, c, ratio=ratio: f"{t},{w * RPM},{c},{math.degrees(angle[i]) * ratio}",  # type: ignore[misc]
+        )
+        found = guess(tmp_path / "a.csv", text).guess
+        assert ("angle_rad" in found.mapping()) == (ratio == 1.0)
+        assert any("left out" in note for note in found.notes) == (ratio != 1.0)
+
+
+def test_a_doubt_about_guessed_columns_is_a_warning_of_every_verb(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A current that explains next to nothing of the motion: `columns` doubts it, and a replay and a fit say so."""
+    text = csv(run, "t_s,rpm,current", lambda i, t, w, c: f"{t},{w * RPM},{math.sin(i * i):.4f}")
+    found = guess(tmp_path / "a.csv", text)
+    assert len(found.doubts) == 1
+    log = rw_ekf.read(tmp_path / "a.csv")
+    for told in (rw_ekf.replay(log), rw_ekf.fit(log)):
+        assert sum(found.doubts[0] in warning for warning in told.warnings) == 1
+    with_map = rw_ekf.read(tmp_path / "a.csv", found.column_map)
+    assert not any(found.doubts[0] in warning for warning in rw_ekf.replay(with_map).warnings)
+
+
+@pytest.mark.parametrize(
+    "names", ["Timp (s);Turație (rot/min);Curent (A)", "Χρόνος (s);Ταχύτητα (rpm);Ρεύμα (A)",
+              "Thời gian (s);Tốc độ (vòng/phút);Dòng điện (A)", "Tid [s];Omdrejningstal [omdr/min];Motorstrøm [A]"],
+)  # fmt: skip
+def test_what_rises_in_a_unit_of_time_is_the_time_in_any_language(tmp_path: Path, run: rw_ekf.Log, names: str) -> None:
+    """Where no word is known for it; a delay, whose word is known, is none."""
+    text = csv(run, names, lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}".replace(".", ","))
+    assert not _asked(guess(tmp_path / "a.csv", text))
+    delay = text.replace(names.split(";", maxsplit=1)[0], "integral (s)")
+    assert _asked(guess(tmp_path / "b.csv", delay)) == ["time_s"]
+
+
+def test_a_mark_between_names_and_rows_is_not_the_names(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`TRIP_START,,,` below the names; the word in front of names that are a comment is none of them either."""
+    text = csv(run, "t_ms,motor_rpm,i_A,x\nTRIP_START,,,", lambda i, t, w, c: f"{1e3 * t:.0f},{w * RPM},{c},0")
+    found = guess(tmp_path / "a.csv", text + "TRIP_END,,,\n")
+    assert not _asked(found)
+    text = csv(run, "#FW,bench,1.2\n#COLS,t_ms,rpm,i_A", lambda i, t, w, c: f"{1e3 * t:.0f},{w * RPM},{c}")
+    marked = guess(tmp_path / "b.csv", text)
+    assert not _asked(marked)
+    assert marked.guess.mapping()["current_A"] == {"column": "i_A"}
+
+
+def test_dates_of_serial_studio_are_read(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A stroke behind the day, and two colons before the thousandths."""
+
+    def row(i: int, t: float, w: float, c: float) -> str:
+        return f"2026/03/04/ 12:{int(t) // 60:02d}:{int(t) % 60:02d}::{round(t % 1 * 1e3):03d},{w * RPM},{c}"
+
+    (tmp_path / "a.csv").write_text(csv(run, "RX Date/Time,Wheel/Speed(RPM),Wheel/Current(A)", row))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert np.allclose(log.time_s - log.time_s[0], run.time_s - run.time_s[0], atol=1e-6)
