@@ -17,7 +17,7 @@ from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_brackets import BRACKETED, unread
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import said_by, unit_in_prose
+from rw_ekf.logs.column_names import said_by, unit_in_prose, words_unknown
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line, are_counts, said_in_columns
 from rw_ekf.logs.column_units import size_of_count, unit_of
@@ -146,6 +146,19 @@ def _doubts(
         yield f"{column.shown}: x and y stand beside it: is it the wheel's, or the heading of a vehicle?", (line,)
     if line.name.startswith("speed"):
         yield from _doubts_of_speed(one, table, bool(told.unit("speed_rad_s", "speed_rpm")))
+    if part := _word_of_another(column, table):
+        yield f"{column.shown}: '{part}' may say that it is of something else: is it the wheel's?", (line,)
+
+
+def _word_of_another(column: Column, table: RawTable) -> str:
+    """A word of a name that is in no list and in no other name of the table, as a device's would be; empty for none."""
+    others = " ".join(name.lower() for name in table.names if name != column.name)
+    words = (
+        []
+        if column.said.has("machine", "torque_axis", "torque") or column.by_habit
+        else words_unknown(column.bare_name or column.name)
+    )
+    return next((word for word in words if word not in others), "")
 
 
 def _may_be_a_heading(line: Line, column: Column) -> bool:
@@ -190,7 +203,10 @@ def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterat
     of_another = said.has("other_machine") or said_by(column.remark).has("other_machine")
     if of_another and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
         yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
-    if not unit_was_set and said.unit_text.lower() in _OF_A_VEHICLE:
+    over_ground = (
+        unit is not None and unit.quantity == "linear_speed" and said.has("linear") and not said.any_of("linear")
+    )
+    if not unit_was_set and (over_ground or said.unit_text.lower() in _OF_A_VEHICLE):
         yield f"{column.shown} is in {said.unit_text}, as a vehicle's is: is it what the drive moves?", (line,)
     if unit is None or unit_was_set or unit.quantity != "speed":
         return

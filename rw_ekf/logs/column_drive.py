@@ -159,7 +159,7 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
         elif (
             role == "current"
             and not column.said.has("torque_axis")
-            and ((column.said.has("supply") and fed) or _feeds(column, columns))
+            and ((column.said.has("supply", "bus") and fed) or _feeds(column, columns))
         ):
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))

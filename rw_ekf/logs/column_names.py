@@ -127,6 +127,19 @@ def said_by(name: str) -> Said:
     return Said(frozenset(words), text, unit, _odd_part(bare) if bare != text else "")
 
 
+_STEMS = tuple(word for words in WORDS.values() for word in words if len(word) > 4)  # which languages bend
+
+
+def words_unknown(name: str) -> list[str]:
+    """The words of a name that no list has, where others are in one: they say of what it is, `laptop_current`."""
+    bare, unit, _ = _split(spoken(name).strip())
+    words = _parts(bare)
+    unknown = [word for word in words if not any(map(_is_listed, _uncompounded(word))) and unit_of(word) is None]
+    unknown = [word for word in unknown if not any(map(word.startswith, _STEMS))]  # mesurée
+    some_known = len(unknown) < len(words) or _is_listed(unit.lower())  # as `rpm` is
+    return [word for word in unknown if len(word) > _FEW] if some_known else []
+
+
 def unit_in_prose(text: str) -> str:
     """The unit with which a remark ends, or which it has before its words: `A (measured)`; empty for none."""
     bracketed = re.search(r"[\[(]([^\])]*)[\])]\s*$", text)
@@ -183,14 +196,22 @@ def _is_degree(name: str, letter: str) -> bool:
 
 def _words(text: str) -> list[str]:
     """The words of a name, in small letters without accents; camel case and digits are cut."""
-    text = _in_letters(_ELISION.sub("", text))
-    text = unicodedata.normalize("NFKD", text)
-    text = "".join(sign for sign in text if not unicodedata.combining(sign))
+    text = _plain(text)
     whole = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
-    text = _CUT.sub(r"\1 \2", text)
-    text = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", text)
-    parts = [part for word in re.split(r"[^A-Za-z]+", text) if word for part in _uncompounded(word.lower())]
+    parts = [part for word in _parts(text) for part in _uncompounded(word)]
     return [*parts, whole, *("".join(pair) for pair in itertools.pairwise(parts))]
+
+
+def _parts(text: str) -> list[str]:
+    """What stands between digits, marks and changes of case, in small letters."""
+    text = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", _CUT.sub(r"\1 \2", _plain(text)))
+    return [word.lower() for word in re.split(r"[^A-Za-z]+", text) if word]
+
+
+def _plain(text: str) -> str:
+    """A text in Latin letters without accents."""
+    text = unicodedata.normalize("NFKD", _in_letters(_ELISION.sub("", text)))
+    return "".join(sign for sign in text if not unicodedata.combining(sign))
 
 
 def _in_letters(text: str) -> str:

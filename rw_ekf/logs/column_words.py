@@ -11,7 +11,7 @@ WORDS: dict[str, frozenset[str]] = {
             goal impostata impostato iset istenen komut mandada mandado nset objetivo ordenada order ordered
             planned profil profile program programme ref reference req request requested set setcurrent
             setpoint setspeed soll solldrehzahl sollstrom sollwert sp sv target traj trajectory vorgabe
-            icmd iqcmd iqref iqsoll iref isoll ncmd nref nsoll wref
+            icmd iqcmd iqref iqsoll iref isoll ncmd nref nsoll vsoll wref wsoll
             wanted zadana zadane zadany """,
         "time": """
             abszisse aika cas clock czas date datetime datum elapsed fecha heure hora ido micros millis saat
@@ -19,22 +19,23 @@ WORDS: dict[str, frozenset[str]] = {
             horodatage horodate marcatemps tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
-            istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus obratky obrotowa obroty omdrejningstal omega
-            omegas omg otacky phidot predkosc qd qdot raddrehzahl regime rotacao rotacion rotation rotationspeed
-            rotrate rpm snelheid spd speed speeds tacho tachometer thetadot toerental tours varvtal vel velo
-            velocidad velocidade velocita velocities velocity vitesse w wheelspeed winkelgeschwindigkeit wm """,
+            istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus rotacoes obratky obrotowa obroty omdrejningstal
+            omega omegas omg otacky phidot predkosc qd qdot raddrehzahl regime rotacao rotacion rotation
+            rotationspeed rotrate rpm snelheid spd speed speeds tacho tachometer thetadot toerental tours varvtal
+            vel velo velocidad velocidade velocita velocities velocity vitesse w wheelspeed winkelgeschwindigkeit
+            wm """,
         "angle": """
             angle angolo angular angulo count_enc counts drehwinkel enc encoder mechangle phi pos posicion
             position posizione q rotorangle theta ticks winkel """,
         "current": """
             adci akim akimi amp amperage ampere amperes amps aram corrente corriente courant cur curr
-            current current_raw currents i i_q ia iadc idc iin im imot imotor intensidad intensite iq isense
+            current current_raw currents i i_q ia iadc idc iin im imot imotor irms intensidad intensite iq isense
             iststrom motorcurrent motorstrom phasecurrent prad pradu proud stroem strom stroom virta """,
         "supply": """
-            akku alim alimentacao hv alimentacion alimentation alimentazione bat bateria batt batteria batterie battery
-            besleme bus charge dc eingang eingangs entrada entrata entree eps fuente ibus idc iin in input line
-            mains netz netzteil psu quiescent source supply total versorgung voeding zasilania zasilanie
-            zwischenkreis """,
+            akku alim alimentacao hv alimentacion alimentation alimentazione bat bateria batt batteria batterie
+            battery besleme bus charge dc eingang eingangs entrada entrata entree eps fuente ibus idc iin in input
+            line mains netz netzteil ps psu quiescent source supply total versorgung voeding zasilania zasilanie
+            amperagelatest zwischenkreis """,
         "phase": """
             fase faz faza ia ib ic iu iv iw leiterstrom phase phasen phases strang """,
         "armature": """
@@ -79,13 +80,13 @@ WORDS: dict[str, frozenset[str]] = {
             estimated filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
             simulated smooth smoothed std """,
         "aside": """
-            abweichung acc accel acceleration accumulated alpha band bias ceiling change cum cumulative currentdot
-            currentrate cutoff delta deviation diff difference differenz fft gradient grenzwert idot initial int integ
-            integral integrated lim limit limite max min ndot next noise nom nominal norm normalised normalized normiert
-            offset old omegadot omegarate prev previous rated ratio ripple rpmdot rpmrate sigma slope speeddot
-            speedrate sq squared stall start std sum threshold tolerance variance veldot velocitydot velocityrate
-            velrate wdot zero
-            anteil begrenzung deslizamiento feedforward ff glissement schlupf scorrimento slip vorsteuerung """,
+            abweichung acc accel acceleration accumulated alpha band beta bias ceiling change cum cumulative
+            currentdot currentrate cutoff delta deviation diff difference differenz fft gradient grenzwert idot
+            initial int integ integral integrated lim limit limite limited max min ndot next noise nom nominal norm
+            normalised normalized normiert offset old omegadot omegarate prev previous rated ratio ripple rpmdot
+            rpmrate sigma slope speeddot speedrate sq squared stall start std sum threshold tolerance variance
+            veldot velocitydot velocityrate velrate wdot zero anteil begrenzung deslizamiento feedforward ff
+            glissement schlupf scorrimento slip vorsteuerung """,
         "controller": """
             angle attitude controller err error fehler heading integ integral integrator omega phi pid pitch pos
             position psi rate regler roll rpm spd speed term theta vel velo velocity yaw """,
@@ -98,12 +99,18 @@ WORDS: dict[str, frozenset[str]] = {
             achs antriebs flywheel kolo laeufer m mot moteur motor motoru rad rotor roue rw schwungrad shaft silnik
             silnika vliegwiel volan volano volante welle wellen wheel """,
         "other_load": """
-            aux brake charger coil cpu excitation fan field fuse gyro heater heizung host imu laser leak leakage led
-            logic magnet magnetorquer mcu model mtq obc panel pcb predicted pump radio sim simulated solar standby """,
+            aux brake charger coil controller cpu dyno excitation fan field fuse generator ground gyro heater heizung
+            host imu laser leak leakage led load logic magnet magnetorquer mcu model mtq obc panel pcb predicted pump
+            radio sim simulated solar standby """,
         "other_machine": """
             abtrieb abtriebsdrehzahl arm base body cadence crank dyno fan gear gearbox getriebe gimbal gyro imu kadenz
-            load model pedal pend pendulum pitch plate platform predicted pump roll sat satellite sim simulated
+            load model output pedal pend pendulum pitch plate platform predicted pump roll sat satellite sim simulated
             spacecraft spindle turntable yaw """,
+        "plain": """
+            active and ang angular ave chan channel col column corrected data del der des die digital dot drive
+            elec electrical emf for from log logged measurement mech mechanical motion new now num optical per
+            present producing quadrature reading readings revolution revolutions rotary rotating rotational sensor
+            signal strom table the used val value values var vom von """,
         "linear": """
             distance gyro gyrox gyroy gyroz imu meters air car gnss gps ground linear vehicle wind """,
     }.items()
@@ -136,7 +143,7 @@ SIGNS = {
     "轴": " shaft ", "軸": " shaft ", "ロータ": " rotor ", "转子": " rotor ", "リアクション": " ", "反作用": " ",
     "动量": " ", "轮": " wheel ", "회전": " speed ", "値": " ", "值": " ", "数": " ", "數": " ", "수": " ", "角": " ",
     "毎分": " ", "ー": " ", "の": " ",
-    "τ": " tau ", "相": " phase ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
+    "đ": "d", "Đ": "D", "ø": "oe", "τ": " tau ", "相": " phase ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
 
 # Which way a wheel turns; R is right beside L, and reverse beside F.

@@ -103,7 +103,8 @@ def test_hundredths_that_somebody_has_converted_are_none(tmp_path: Path, run: rw
         lines = (f"{k},{t!r},{round(100 * i) * factor!r},{w!r}" for k, (t, w, i) in enumerate(rows))
         (tmp_path / "a.csv").write_text("\n".join(["loopIteration,time_s,amperageLatest,omega_rad_s", *lines]))
         found = rw_ekf.guess_columns(tmp_path / "a.csv").guess
-        return next((line.entry.get("unit") for line in found.lines if line.name == "current_A"), None)
+        assert "supply" in found.questions[0].text  # of one battery, and all motors
+        return found.questions[0].answers[0].entry.get("unit")
 
     assert unit(1) == "0.01 A"
     assert unit(0.01) is None

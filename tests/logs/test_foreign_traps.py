@@ -782,7 +782,8 @@ def test_betaflight_counts_erpm_in_hundreds(tmp_path: Path, run: rw_ekf.Log) -> 
         run, head + names,
         lambda i, t, w, c: f"{i},{round(1e6 * t)},{round(7 * w * RPM / 100)},{round(100 * c)}",
     )  # fmt: skip
-    log = rw_ekf.read(_written(tmp_path / "a.csv", text))
+    path = _written(tmp_path / "a.csv", text)
+    log = rw_ekf.read(path, rw_ekf.guess_columns(path, current="amperageLatest"))  # which is the battery's
     assert np.abs(log.speed_rad_s - run.speed_rad_s).max() <= 51.0 / 7.0 / RPM
     assert np.abs(log.current_A - run.current_A).max() <= 0.0051
 

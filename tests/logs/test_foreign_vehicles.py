@@ -142,3 +142,41 @@ def test_dates_of_serial_studio_are_read(tmp_path: Path, run: rw_ekf.Log) -> Non
     (tmp_path / "a.csv").write_text(csv(run, "RX Date/Time,Wheel/Speed(RPM),Wheel/Current(A)", row))
     log = rw_ekf.read(tmp_path / "a.csv")
     assert np.allclose(log.time_s - log.time_s[0], run.time_s - run.time_s[0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "laptop_current", "pack current [A]", "dyno current [A]", "load current [A]", "VDD_A", "I_inv [A]",
+        "flux current [A]", "inverter current [A]", "amperageLatest",
+    ],
+)  # fmt: skip
+def test_a_word_that_no_list_has_says_whose_a_current_is(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """Beside a word that is known, one that is not says of what it is: it is asked about, and can be answered."""
+    path = tmp_path / "a.csv"
+    assert _asked(guess(path, csv(run, f"t_s,rpm,{name}", lambda i, t, w, c: f"{t},{w * RPM},{c}"))) == ["current_A"]
+    assert rw_ekf.guess_columns(path, current=name).is_certain
+
+
+@pytest.mark.parametrize(
+    "name", ["Vsoll [rpm]", "synchronous speed [rpm]", "n_Feld [1/min]", "idler_rpm", "secondary rpm",
+             "output shaft rpm", "belt speed [m/s]", "air speed (m/s)", "Limited Velocity (rpm)"],
+)  # fmt: skip
+def test_a_word_that_no_list_has_says_whose_a_speed_is(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """So it does of a speed; a set-point by its name is none that was measured."""
+    text = csv(run, f"t_s,{name},i_mot_A", lambda i, t, w, c: f"{t},{w * RPM},{c}")
+    assert [question.name.split("_")[0] for question in guess(tmp_path / "a.csv", text).guess.questions] == ["speed"]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "RW4 speed [rpm],RW4 current [A]", "epos speed [rpm],epos current [A]", "n_mech [rpm],Irms [A]",
+        "speed sensor [rpm],active current [A]", "rpm (corrected),torque-generating current [A]",
+        "Vitesse mesurée (tr/min),courant moteur [A]", "motor optical speed (rpm),motor bridge current (A)",
+    ],
+)  # fmt: skip
+def test_a_word_of_a_device_or_of_no_meaning_is_not_asked_about(tmp_path: Path, run: rw_ekf.Log, names: str) -> None:
+    """What other names have too is a device's, and some words say nothing of whose it is."""
+    text = csv(run, f"t_s,{names}", lambda i, t, w, c: f"{t},{w * RPM},{c}")
+    assert not _asked(guess(tmp_path / "a.csv", text))
