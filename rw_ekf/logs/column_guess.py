@@ -22,7 +22,6 @@ from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of
 from rw_ekf.logs.column_speed import find_speed, rad_of_one
 from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, no_clock, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
-from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
 from rw_ekf.logs.side_by_side import MAY_BE_A_PART
@@ -46,7 +45,7 @@ _ELECTRONICS = (
     "mos", "mosfet", "mosfets", "fet", "fets", "igbt", "esc", "inverter", "driver", "bat", "battery", "batt", "bms",
     "gpu", "coolant",
 )  # fmt: skip
-_NO_CLOCK = tuple(name for name in WORDS if name != "time")  # words of these say that it is something else
+_NO_CLOCK = ("aside", "derived", "controller", "place")  # words of these say that it is something else
 _SLIPS = (1.0, 180.0 / math.pi, 30.0 / math.pi, 2.0 * math.pi, 6.0, 60.0, 360.0, 1e3, 1e6)  # of mistaken units
 _NEAR = 0.1  # of the logarithm of a ratio
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}

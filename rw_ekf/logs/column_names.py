@@ -29,7 +29,9 @@ _OF_PROSE = frozenset(
 _WHICH_WAY = frozenset({"direction", "richtung", "drehrichtung", "sens", "sentido", "senso", "dir"})
 _FEW = 2  # words of a name beside which a letter may be a symbol
 _QUALIFIED = re.compile(
-    r"(?P<name>.*[_ ].*)[_ .](?P<last>filt|filtered|raw|mean|avg|lp|meas|measured|act|est|med|data|values?|hex)", re.I
+    r"(?P<name>.*[_ ].*)[_ .]"
+    r"(?P<last>filt|filtered|raw|mean|avg|lp|meas|measured|act|est|med|data|values?|hex|u?int\d*|[uif]\d+)",
+    re.I,
 )
 _EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a stroke only one of counts, ticks and the like
     r"(?:(?<![A-Za-z])(?:every|each|per|over|within|alle|je|pro)|(?<=nts|unt|cnt|cks|ick|inc|ses|ges)\s*/)"

@@ -16,7 +16,7 @@ WORDS: dict[str, frozenset[str]] = {
         "time": """
             abszisse aika cas clock czas date datetime datum elapsed fecha heure hora ido micros millis saat
             sec seconds stamp t tempo temps tid tiempo tijd time timestamp timesec timeseconds timestamps ts uhrzeit
-            horodatage horodate marcatemps tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
+            horodatage horodate marcatemps mjd tow x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
             istdrehzahl motordrehzahl motorspeed mrpm n nm1 nopeus rotacoes obratky obrotowa obroty omdrejningstal
@@ -108,7 +108,7 @@ WORDS: dict[str, frozenset[str]] = {
             spacecraft spindle turntable yaw """,
         "plain": """
             active and ang angular ave chan channel col column corrected data del der des die digital dot drive
-            elec electrical emf for from log logged measurement mech mechanical motion new now num optical per
+            elec electrical emf for from hex log logged measurement mech mechanical motion new now num optical per
             present producing quadrature reading readings revolution revolutions rotary rotating rotational sensor
             signal strom table the used val value values var vom von """,
         "linear": """

@@ -94,10 +94,10 @@ def _by_name(who: str) -> str:
 
 
 def _other_names(cells: list[str], layout: TextLayout) -> bool:
-    """Whether a line is a row of names, and not of those above the first row."""
+    """Whether a line is a row of names, and one of them none of those above the first row: its unit may be another."""
     known = {name.split(" [")[0] for name in layout.names}
     names = len(cells) == layout.width and not any(map(layout.is_value, cells))
-    return names and not known & set(cells) and all(re.search(r"[^\W\d]", cell) for cell in cells)
+    return names and not set(cells) <= known | {*layout.names} and all(re.search(r"[^\W\d]", cell) for cell in cells)
 
 
 def _cells(line: str, layout: TextLayout) -> list[str]:

@@ -36,12 +36,18 @@ _HOUR_S, _HALF_S = 3600.0, 43200.0
 _NEARLY = 0.98  # of twelve hours, by which a clock falls that goes on from 12:59 to 1:00
 _POINTED = re.compile(r"(?P<h>[01]?\d|2[0-3])\.(?P<m>[0-5]\d)\.(?P<s>[0-5]\d)(?P<f>[.,:]\d+)?")  # 10.58.12,250
 _DAYS = re.compile(r"(?P<days>\d{1,6}) days?,? +(?=\d)")  # 0 days 00:00:12.250000, as pandas writes a Timedelta
+_DURATION = re.compile(  # ISO 8601: PT1M0.25S
+    r"P(?=\d|T\d)(?:(?P<d>\d+)D)?(?:T(?:(?P<h>\d+)H)?(?:(?P<m>\d+)M)?(?:(?P<s>\d+(?:[.,]\d+)?)S)?)?"
+)
+_SECONDS = {"d": DAY_S, "h": 3600.0, "m": 60.0, "s": 1.0}
 _YEARS = 2  # at most in a log: what has more last parts than that is hours, minutes and seconds, and no date
 
 
 def is_odd_stamp(text: str) -> bool:
     """Whether a text is a day of a year with its time, minutes and seconds with a fraction, or a time with points."""
-    return any(form.fullmatch(text) for form in (_DAY_OF_YEAR, _OF_AN_HOUR, _POINTED)) or bool(_DAYS.match(text))
+    return any(form.fullmatch(text) for form in (_DAY_OF_YEAR, _OF_AN_HOUR, _POINTED, _DURATION)) or bool(
+        _DAYS.match(text)
+    )
 
 
 def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
@@ -50,6 +56,8 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
     if _OF_AN_HOUR.fullmatch(first):
         hours = seconds_of([f"0:{cell.strip()}" if cell and cell.strip() else cell for cell in cells])
         return None if hours is None else past_full(hours, _HOUR_S)
+    if _DURATION.fullmatch(first):
+        return _durations(cells)
     cells = _with_colons(cells)
     month_first = _month_first(cells)
     days: dict[str, float] = {}
@@ -80,6 +88,18 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
             seconds += _of_day(match)
         found[row] = seconds - _zone_s(match["zone"])
     return found if dated else past_midnight(_past_noon(found))
+
+
+def _durations(cells: Sequence[str | None]) -> Float64Array | None:
+    """Seconds (n,) of durations, NaN where a cell is empty; None where one of them is none."""
+    found = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        if cell and cell.strip():
+            if (match := _DURATION.fullmatch(cell.strip())) is None:
+                return None
+            parts = match.groupdict("0").items()
+            found[row] = sum(_SECONDS[part] * float(text.replace(",", ".")) for part, text in parts)
+    return found
 
 
 def _with_colons(cells: Sequence[str | None]) -> Sequence[str | None]:

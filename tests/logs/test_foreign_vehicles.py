@@ -180,3 +180,35 @@ def test_a_word_of_a_device_or_of_no_meaning_is_not_asked_about(tmp_path: Path, 
     """What other names have too is a device's, and some words say nothing of whose it is."""
     text = csv(run, f"t_s,{names}", lambda i, t, w, c: f"{t},{w * RPM},{c}")
     assert not _asked(guess(tmp_path / "a.csv", text))
+
+
+def test_names_between_the_rows_of_which_one_is_another_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`i_mA` behind the first run, above it `i_A`: the rest of the names is the same, and the numbers are not."""
+
+    def runs(name: str, scale: float) -> str:
+        first = csv(run, "# run 1\nt_s,rpm,i_A", lambda i, t, w, c: f"{t:.3f},{w * RPM:.3f},{c:.5f}")
+        return first + csv(run, f"# run 2\nt_s,rpm,{name}", lambda i, t, w, c: f"{t:.3f},{w * RPM:.3f},{c * scale:.5f}")
+
+    assert _asked(guess(tmp_path / "a.csv", runs("i_mA", 1e3))) == ["layout"]
+    assert not _asked(guess(tmp_path / "b.csv", runs("i_A", 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("time,speed_rpm,current_A", "PT{t:.3f}S,{n!r},{c!r}"),
+        ("Source,CH1,CH2\nSecond,rpm,A", "{t:.4f},{n!r},{c!r}"),
+        ("t_ms,rpm_u16,i_mA_i16", "{ms:.0f},{wrapped},{ma}"),
+    ],
+)
+def test_durations_and_types_of_numbers_are_read(tmp_path: Path, run: rw_ekf.Log, head: str, row: str) -> None:
+    """ISO 8601's `PT0.1S`, seconds below a name that says nothing of time, and a unit in front of a number's type."""
+
+    def line(i: int, t: float, w: float, c: float) -> str:
+        return row.format(t=t, ms=1e3 * t, n=w * RPM, c=c, wrapped=round(w * RPM) % 65536, ma=round(1e3 * c))
+
+    (tmp_path / "a.csv").write_text(csv(run, head, line))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert np.allclose(log.time_s, run.time_s, atol=1e-3)
+    assert np.allclose(log.speed_rad_s, run.speed_rad_s, atol=0.51 / RPM)
+    assert np.allclose(log.current_A, run.current_A, atol=6e-4)
