@@ -129,7 +129,12 @@ class Column:
         said = self.said
         electrical = said.any_of("electrical", "elec", "erpm")
         linear = said.unit is not None and said.unit.quantity == "linear_speed"
-        second = linear or said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
+        second = (
+            linear
+            or said.unit_text.lower() == "hz"
+            or said.has("derived", "linear")
+            or said.any_of("load", "output", "gear", "left", "right")
+        )
         whole = said.unit is not None and not said.unit.per
         elsewhere = said.has("other_machine" if self.role == "speed" else "other_load")
         return (

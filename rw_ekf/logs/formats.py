@@ -52,7 +52,10 @@ _FOREIGN: tuple[tuple[bytes | tuple[bytes, ...], str], ...] = (
     ),
     (b"%PDF-", "a PDF, which has no numbers in columns: save the log itself"),
 )
-_PAGE = (b"<!doctype html", b"<html", b"<table")  # as a web page begins, in whatever case
+_MARKED = {  # how texts of elements begin, in whatever case
+    "a web page": ((b"<!doctype html", b"<html", b"<table"), "read_html"),
+    "XML": ((b"<?xml",), "read_xml"),
+}
 
 
 def format_of(path: Path, name: str) -> LogFormat:
@@ -66,8 +69,9 @@ def format_of(path: Path, name: str) -> LogFormat:
     for magic, what in _FOREIGN:
         if head.startswith(magic):
             raise LogError(f"{name}: is {what}")
-    if head.lstrip().lower().startswith(_PAGE):
-        raise LogError(f"{name}: is a web page: save its table as CSV, or hand over what pandas.read_html makes of it")
+    for what, (begins, reader) in _MARKED.items():
+        if head.removeprefix(b"\xef\xbb\xbf").lstrip().lower().startswith(begins):
+            raise LogError(f"{name}: is {what}: save its table as CSV, or hand over what pandas.{reader} makes of it")
     if suffix in (".parquet", ".mat"):
         kind = "Parquet" if suffix == ".parquet" else "MATLAB"
         raise LogError(

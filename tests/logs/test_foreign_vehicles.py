@@ -212,3 +212,21 @@ def test_durations_and_types_of_numbers_are_read(tmp_path: Path, run: rw_ekf.Log
     assert np.allclose(log.time_s, run.time_s, atol=1e-3)
     assert np.allclose(log.speed_rad_s, run.speed_rad_s, atol=0.51 / RPM)
     assert np.allclose(log.current_A, run.current_A, atol=6e-4)
+
+
+def test_a_frequency_stands_behind_a_speed_in_rpm(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Of pulses or of a field it says less; where it stands alone it is asked about, as before."""
+    text = csv(run, "t_s,rpm,freq_hz,i_mot_A", lambda i, t, w, c: f"{t},{w * RPM},{w * RPM / 15},{c}")
+    assert not _asked(guess(tmp_path / "a.csv", text))
+    text = csv(run, "t_s,freq_hz,i_mot_A", lambda i, t, w, c: f"{t},{w * RPM / 15},{c}")
+    assert _asked(guess(tmp_path / "b.csv", text)) == ["speed_rad_s"]
+
+
+def test_lists_of_numbers_in_lines_are_columns_without_names(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """They go by their number: all is asked, and the answers read the log."""
+    path = tmp_path / "a.jsonl"
+    rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    path.write_text("".join(f"[{t!r}, {w!r}, {c!r}]\n" for t, w, c in rows))
+    assert len(rw_ekf.guess_columns(path).guess.questions) == 3
+    told = rw_ekf.guess_columns(path, time="0:s", speed="1:rad/s", current="2:A")
+    assert np.array_equal(rw_ekf.read(path, told).speed_rad_s, run.speed_rad_s)

@@ -90,6 +90,7 @@ def test_the_line_is_right_deep_in_a_large_file(tmp_path: Path) -> None:
         ("a.csv", b"\x1f\x8b\x08\x00abc", "gzip"),
         ("a.csv", b"PK\x03\x04abc", "spreadsheet"),
         ("a.txt", b"\n<!DOCTYPE HTML>\n<table>", "web page"),
+        ("a.xml", b"\xef\xbb\xbf<?xml version='1.0'?>\n<log/>", "pandas.read_xml"),
         ("a.pkl", b"\x80\x04\x95\x00abc", "pickle"),
         ("a.pdf", b"%PDF-1.7\n%", "PDF"),
         ("a.csv", b"PAR1 and then nothing", "damaged or incomplete Parquet"),

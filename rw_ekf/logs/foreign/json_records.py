@@ -126,6 +126,8 @@ def _of_lines(text: str, name: str) -> RawTable:
         except json.JSONDecodeError:
             wrong.append(number)
             continue
+        if isinstance(record, list) and all(map(_is_number, record)):  # of columns without names
+            record = {str(place): value for place, value in enumerate(record)}
         if isinstance(record, dict):
             rows.append(dict(_flat(record)))
             lines.append(number)
