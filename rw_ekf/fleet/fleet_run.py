@@ -14,11 +14,12 @@ from rw_ekf.console import printable
 from rw_ekf.fleet.executors import Done, Executor
 from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex
-from rw_ekf.fleet.manifest import ManifestLine, append, read_manifest, write_manifest
+from rw_ekf.fleet.manifest import ManifestLine, read_manifest, write_manifest
 from rw_ekf.fleet.plan import FleetSettings, PlannedLog, groups_of, plan_of
-from rw_ekf.fleet.result_rows import FAILED, NOT_DONE
+from rw_ekf.fleet.result_rows import FAILED, NOT_DONE, read_status
 from rw_ekf.fleet.task import Record, Task, work
 from rw_ekf.logs.atomic import make_folder
+from rw_ekf.plain_file import append_line
 from rw_ekf.result_display import Shown
 
 SCHEMA = "rw_ekf.fleet_run/1"
@@ -106,7 +107,7 @@ class _Account:
         """Note what a worker says of a log."""
         entry = ManifestLine.of(self.planned[record.input_hash], record, record.status)
         self.entries[record.input_hash] = entry
-        append(self.path, entry)
+        append_line(self.path, entry.to_line())
         self.computed += 1
         self.samples += record.rows
 
@@ -228,14 +229,7 @@ def _final(account: _Account, folder: FleetFolder, plan: Mapping[str, Sequence[P
                 entries.append(ManifestLine.of(item, None, f"{NOT_DONE}{why}"))
             elif known is not None and not known.status.startswith(NOT_DONE):
                 entries.append(known)
-            else:
-                entries.append(_from_result(item, path))
+            else:  # a result that an interrupted run left before it could speak of it
+                rows, status = read_status(path)
+                entries.append(ManifestLine.of(item, None, status, rows))
     return entries
-
-
-def _from_result(item: PlannedLog, path: Path) -> ManifestLine:
-    """The line of a result that an interrupted run left before it could speak of it."""
-    from rw_ekf.fleet.result_rows import read_status
-
-    rows, status = read_status(path)
-    return ManifestLine.of(item, None, status, rows)

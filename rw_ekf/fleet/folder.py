@@ -15,7 +15,6 @@ import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
@@ -26,46 +25,18 @@ NAME = "fleet"
 _HASH_DIGITS = 20  # of a sha256 in a file's name: 80 bits, which no 1e9 files of one fleet share by chance
 
 
-@dataclass(frozen=True)
 class FleetFolder:
     """The folder of a fleet."""
 
-    path: Path
-
-    @property
-    def index(self) -> Path:
-        """The logs."""
-        return self.path / "index.json"
-
-    @property
-    def manifest(self) -> Path:
-        """What was done."""
-        return self.path / "manifest.jsonl"
-
-    @property
-    def results(self) -> Path:
-        """The root of the partitions."""
-        return self.path / "results"
-
-    @property
-    def diagnoses(self) -> Path:
-        """The root of the diagnosed windows."""
-        return self.path / "diagnoses"
-
-    @property
-    def diagnosed(self) -> Path:
-        """The document of `diagnose`."""
-        return self.path / "diagnoses.json"
-
-    @property
-    def trends(self) -> Path:
-        """The document of `trends`."""
-        return self.path / "trends.json"
-
-    @property
-    def page(self) -> Path:
-        """The page of `view`."""
-        return self.path / "fleet.html"
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.index = path / "index.json"  # the logs
+        self.manifest = path / "manifest.jsonl"  # what was done
+        self.results = path / "results"  # the root of the partitions
+        self.diagnoses = path / "diagnoses"  # the root of the diagnosed windows
+        self.diagnosed = path / "diagnoses.json"  # the document of `diagnose`
+        self.trends = path / "trends.json"  # the document of `trends`
+        self.page = path / "fleet.html"  # the page of `view`
 
     @contextmanager
     def locked(self) -> Iterator[None]:

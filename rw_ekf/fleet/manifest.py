@@ -14,7 +14,7 @@ from pathlib import Path
 from rw_ekf.fleet.plan import PlannedLog
 from rw_ekf.fleet.task import Record
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.plain_file import append_line, json_of
+from rw_ekf.plain_file import json_of
 from rw_ekf.version import __version__
 
 
@@ -59,11 +59,6 @@ def read_manifest(path: Path) -> dict[str, ManifestLine]:
             continue
         found[entry.input_hash] = entry
     return found
-
-
-def append(path: Path, entry: ManifestLine) -> None:
-    """Add a line. Raises OSError."""
-    append_line(path, entry.to_line())
 
 
 def write_manifest(path: Path, entries: Iterable[ManifestLine]) -> None:

@@ -59,6 +59,7 @@ def work(task: Task) -> list[Record]:
     Raises MovedInputError where a log changed since it was indexed, OSError or BadInputError where results cannot be
     written: nothing of that is a property of the log, and another run does it.
     """
+    from rw_ekf.fleet.result_rows import read_carry
     from rw_ekf.fleet.worker_memory import settle_memory
     from rw_ekf.one_thread import one_thread
 
@@ -66,11 +67,11 @@ def work(task: Task) -> list[Record]:
     records = []
     with one_thread():
         configuration, model = given(task.configuration, task.model)
-        before = "" if task.previous is None else _carry_of(Path(task.previous))
+        before = "" if task.previous is None else read_carry(Path(task.previous))
         for planned in task.logs:
             path = planned.path(task.results)
             if path.is_file():
-                before = _carry_of(path)
+                before = read_carry(path)
                 continue
             began_s = time.perf_counter()
             result = _result_of(task, planned, before, configuration, model)
@@ -90,12 +91,6 @@ def given(
 
     read = None if configuration is None else configuration_of(dict(configuration), Path("fleet"))
     return read, None if model is None else plain_model(model)
-
-
-def _carry_of(path: Path) -> str:
-    from rw_ekf.fleet.result_rows import read_carry
-
-    return read_carry(path)
 
 
 def _result_of(
