@@ -4,33 +4,73 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from rw_ekf.clock import Clock
+from rw_ekf.control.commanders import Phase
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.logs.parts import part_path
+from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.plugins import added, loaded_as, refused
-from rw_ekf.records import Sink, Tick
+from rw_ekf.records import LinkCounters, Sink, StateNow, Tick
+from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.events import EventsSink
 from rw_ekf.sinks.guarded_sink import GuardedSink, Queue
-from rw_ekf.sinks.learned_sink import LearnedSink
+from rw_ekf.sinks.learned_sink import LearnedSink, Learning
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
-from rw_ekf.sinks.run_context import RunContext, SinkKind
-from rw_ekf.sinks.state_file import Publisher, StateFileSink
+from rw_ekf.sinks.recent import RecentSink
+from rw_ekf.sinks.run_files import RunFiles, Unwritten
+from rw_ekf.sinks.state_file import StateFileSink
 from rw_ekf.sinks.status_line import StatusLine
-from rw_ekf.statistics import RunStatistics
+from rw_ekf.statistics import LoopTiming, RunStatistics
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
-
-__all__ = ["SINKS", "RunContext", "SinkKind", "sinks_of"]
 
 _LOG_TICKS = 4096  # seven minutes at 10 Hz of a disk that hangs
 _SLOW_TICKS = 600  # a minute at 10 Hz of somebody who does not keep up
 _STATE_EVERY_S = 1.0
 LEARNED_EVERY_S = 60.0
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """What the sinks of a run may need of it."""
+
+    files: RunFiles
+    wheel: str
+    output: OutputSection
+    port: str
+    state_names: tuple[str, ...]
+    clock: Clock
+    logger: Any
+    began: StateNow
+    link: Callable[[], LinkCounters]
+    process: Mapping[str, int | None]  # pid and start_ticks: for all time the name of one process
+    in_order: Callable[[], bool] = lambda: True  # whether the run, when it is over, has not crashed
+    compensated: bool = False  # whether friction may be compensated
+    total_s: Callable[[], float | None] = lambda: None
+    phase: Phase | None = None
+    label: str = ""  # of the wheel, where several are shown on one terminal
+    watched: bool = True  # whether there can be alarms
+    statistics: RunStatistics = field(default_factory=RunStatistics)
+    learning: Learning | None = None  # None: nothing is kept for the next run
+    requests: Sink | None = None  # who takes a controller's requests, and tells it of each turn; None: nobody
+    recent: RecentSink = field(default_factory=RecentSink)
+    timing: LoopTiming = field(default_factory=LoopTiming)
+    unwritten: Unwritten = field(default_factory=Unwritten)
+    record: RecordPrint = field(default_factory=RecordPrint)
+
+
+class SinkKind(NamedTuple):
+    """How a sink is made, and which turns it takes."""
+
+    make: Callable[[RunContext], tuple[Sink, Queue | None] | None]  # None: such a run has none
+    every_turn: bool = False  # also those that brought no sample
 
 
 class StatisticsSink:
@@ -67,9 +107,7 @@ def _log(run: RunContext) -> tuple[Sink, Queue]:
 
 
 def _state(run: RunContext) -> tuple[Sink, Queue]:
-    about = {"wheel": run.wheel, "port": run.port, "log": run.files.log.name, **run.process}
-    publisher = Publisher(about, run.clock, run.link, run.watched, run.in_order)
-    return StateFileSink(run.files.state, publisher, run.began, run.unwritten), Queue(1, every_s=_STATE_EVERY_S)
+    return StateFileSink(run), Queue(1, every_s=_STATE_EVERY_S)
 
 
 def _events(run: RunContext) -> tuple[Sink, Queue]:
@@ -79,9 +117,7 @@ def _events(run: RunContext) -> tuple[Sink, Queue]:
 def _learned(run: RunContext) -> tuple[Sink, Queue] | None:
     if run.learning is None:
         return None
-    every_s = LEARNED_EVERY_S
-    sink = LearnedSink(run.files, run.learning, run.clock, every_s, run.unwritten, run.logger.warning, run.record)
-    return sink, Queue(1, every_s=every_s)
+    return LearnedSink(run, run.learning, LEARNED_EVERY_S), Queue(1, every_s=LEARNED_EVERY_S)
 
 
 def _requests(run: RunContext) -> tuple[Sink, None] | None:

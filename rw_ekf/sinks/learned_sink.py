@@ -5,23 +5,24 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.clock import Clock
 from rw_ekf.errors import RwEkfError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.learning.learned_file import has_learned, learned_text, may_replace, out_of_bounds
 from rw_ekf.learning.run_start import Start
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.model.state import PARAMETER_COUNT
 from rw_ekf.records import Estimate, RunState, Tick
-from rw_ekf.sinks.run_files import Note, RunFiles, Unwritten
 from rw_ekf.starting_point import model_of
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
 from rw_ekf.wheel.wheel_tag import WheelTag
+
+if TYPE_CHECKING:
+    from rw_ekf.sinks.all_sinks import RunContext
 
 
 @dataclass(frozen=True)
@@ -40,27 +41,11 @@ class LearnedSink:
     stands there replaces it only once it knows as much.
     """
 
-    def __init__(
-        self,
-        files: RunFiles,
-        learning: Learning,
-        clock: Clock,
-        every_s: float,
-        unwritten: Unwritten,
-        note: Note,
-        record: RecordPrint,
-    ) -> None:
-        """every_s: how often it is given a tick, by the run's clock; note: told once of what could not be saved.
-
-        record: of the run.
-        """
-        self._files = files
-        self._record = record
+    def __init__(self, run: RunContext, learning: Learning, every_s: float) -> None:
+        """every_s: how often it is given a tick, by the run's clock."""
+        self._run = run
         self._learning = learning
-        self._clock = clock
-        self._unwritten = unwritten
-        self._note = note
-        self._first_s = clock.monotonic() + 0.5 * every_s
+        self._first_s = run.clock.monotonic() + 0.5 * every_s
         self._newest: Estimate | None = None  # that was not saved yet
         self._replaces = learning.start.replaces
         self._said: set[str] = set()
@@ -71,7 +56,7 @@ class LearnedSink:
         """Take a tick and save it, unless the run has only just begun."""
         if tick.state is None or tick.state.state is RunState.TRACKING:
             self._newest = tick.estimate
-        if self._clock.monotonic() >= self._first_s:
+        if self._run.clock.monotonic() >= self._first_s:
             self._save()
 
     def close(self) -> None:
@@ -80,7 +65,7 @@ class LearnedSink:
         if self._too_little is not None:
             self._say("learned_not_kept", self._too_little, "what was learned before stands, if there was anything")
         if self._failed:
-            self._unwritten.other_files.append(self._files.learned.name)
+            self._run.unwritten.other_files.append(self._run.files.learned.name)
 
     def _save(self) -> None:
         estimate, self._newest = self._newest, None
@@ -113,24 +98,26 @@ class LearnedSink:
             return None
         known = len(estimate.values)
         belief = Belief(np.array(estimate.values), estimate.covariance[:known, :known])
-        return model_of(belief, self._learning.start.setup, {"record": self._record.text}, wheel=self._learning.wheel())
+        return model_of(
+            belief, self._learning.start.setup, {"record": self._run.record.text}, wheel=self._learning.wheel()
+        )
 
     def _put(self, model: WheelModel) -> None:
         """Replace the file; what stands there and was not gone on from is kept beside the log."""
-        files, fingerprint = self._files, self._learning.start.fingerprint
+        files, fingerprint = self._run.files, self._learning.start.fingerprint
         try:
             if self._replaces:
                 os.replace(files.learned, files.replaced)
                 self._replaces = False
-            text = learned_text(model, fingerprint, files.log.name, self._clock.utc())
+            text = learned_text(model, fingerprint, files.log.name, self._run.clock.utc())
             write_text(files.learned, text, follow=False)
             self._failed = False
         except (OSError, RwEkfError) as error:
             self._failed = True
-            self._unwritten.note(str(error))
+            self._run.unwritten.note(str(error))
             self._say("learned_not_saved", str(error), "the run goes on, and tries again")
 
     def _say(self, event: str, reason: str, do: str) -> None:
         if event not in self._said:
             self._said.add(event)
-            self._note(event, file=str(self._files.learned), reason=reason, do=do)
+            self._run.logger.warning(event, file=str(self._run.files.learned), reason=reason, do=do)

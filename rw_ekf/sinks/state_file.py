@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
-from rw_ekf.clock import Clock
 from rw_ekf.errors import RwEkfError
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import utc_text
-from rw_ekf.records import LinkCounters, StateNow, Tick
-from rw_ekf.sinks.run_files import Unwritten
+from rw_ekf.records import Tick
+
+if TYPE_CHECKING:
+    from rw_ekf.sinks.all_sinks import RunContext
 
 SCHEMA = "rw_ekf.state/1"
 _OF_TICK = (
@@ -21,27 +20,12 @@ _OF_TICK = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Publisher:
-    """Who publishes: what stays the same over a run, and what is asked for each time."""
-
-    about: dict[str, Any]
-    clock: Clock
-    link: Callable[[], LinkCounters]
-    watched: bool  # whether there can be alarms
-    in_order: Callable[[], bool] = lambda: True  # whether the run has come to its end, and not to a crash
-
-
 class StateFileSink:
     """Publishes the beginning of a run, every tick that it is given, and the end."""
 
-    def __init__(self, path: Path, publisher: Publisher, began: StateNow, unwritten: Unwritten) -> None:
-        """unwritten: where what could not be published is counted."""
-        self._path = path
-        self._publisher = publisher
-        self._unwritten = unwritten
+    def __init__(self, run: RunContext) -> None:
+        self._run = run
         self._last: Tick | None = None
-        self._began = began
         self._publish(None)
 
     def write(self, tick: Tick) -> None:
@@ -51,30 +35,33 @@ class StateFileSink:
 
     def close(self) -> None:
         """Say that the run has ended, and how it stood then; of one that crashed only how it stood."""
-        self._publish(utc_text(self._publisher.clock.utc()) if self._publisher.in_order() else None)
+        self._publish(utc_text(self._run.clock.utc()) if self._run.in_order() else None)
 
     def _publish(self, ended_utc: str | None) -> None:
-        publisher, tick = self._publisher, self._last
-        now = self._began if tick is None or tick.state is None else tick.state
+        run, tick = self._run, self._last
+        now = run.began if tick is None or tick.state is None else tick.state
         document = {
             "schema": SCHEMA,
-            **publisher.about,
-            "utc": utc_text(publisher.clock.utc()),
+            "wheel": run.wheel,
+            "port": run.port,
+            "log": run.files.log.name,
+            **run.process,
+            "utc": utc_text(run.clock.utc()),
             "ended_utc": ended_utc,
             "run_state": now.state.value,
             "since_utc": now.since_utc,
             "reason": now.reason,
-            "link": {"state": None if tick is None else tick.link.value, **asdict(publisher.link())},
+            "link": {"state": None if tick is None else tick.link.value, **asdict(run.link())},
             **_of_tick(tick),
         }
         if tick is not None and tick.compensation is not None:
             document["compensation"] = tick.compensation._asdict()
-        if publisher.watched:
+        if run.watched:
             document["alarms"] = [] if tick is None else [alarm.document() for alarm in tick.alarms]
         try:
-            write_text(self._path, json_text(document), follow=False)
+            write_text(run.files.state, json_text(document), follow=False)
         except (OSError, ValueError, RwEkfError):
-            self._unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
+            run.unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
 
 
 def _of_tick(tick: Tick | None) -> dict[str, Any]:

@@ -15,9 +15,9 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.logs.parts import beside
 from rw_ekf.plain_file import append_line
 from rw_ekf.records import Tick
+from rw_ekf.sinks.all_sinks import RunContext
 from rw_ekf.sinks.recorders.datagrams import Datagrams
 from rw_ekf.sinks.recorders.tick_record import TickRecord, TickRecords
-from rw_ekf.sinks.run_context import RunContext
 from rw_ekf.sinks.run_files import Note
 
 NEEDS = ()

@@ -11,10 +11,10 @@ from rw_ekf.logs.mcap_file import GrowingMcap
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.parts import beside
 from rw_ekf.records import Tick
+from rw_ekf.sinks.all_sinks import RunContext
 from rw_ekf.sinks.log import PartSize
 from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.recorders.tick_record import SAMPLE_FIELDS, Field, TickRecord, TickRecords, estimate_fields
-from rw_ekf.sinks.run_context import RunContext
 from rw_ekf.version import __version__
 
 NEEDS = ("mcap.writer", "zstandard")

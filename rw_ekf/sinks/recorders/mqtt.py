@@ -15,8 +15,8 @@ from urllib.parse import urlsplit
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.records import StateNow, Tick
+from rw_ekf.sinks.all_sinks import RunContext
 from rw_ekf.sinks.recorders.tick_record import TickRecords
-from rw_ekf.sinks.run_context import RunContext
 
 NEEDS = ("paho.mqtt.client",)
 _KEEPALIVE_S = 10

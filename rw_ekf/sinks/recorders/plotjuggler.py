@@ -7,9 +7,9 @@ from typing import Any
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.records import RunState, Tick
+from rw_ekf.sinks.all_sinks import RunContext
 from rw_ekf.sinks.recorders.datagrams import Datagrams
 from rw_ekf.sinks.recorders.tick_record import TickRecords
-from rw_ekf.sinks.run_context import RunContext
 
 NEEDS = ()
 _STATES = {state.value: number for number, state in enumerate(RunState)}

@@ -5,15 +5,15 @@ from __future__ import annotations
 import itertools
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.model.state import STATE_NAMES
 from rw_ekf.records import Estimate, LinkState, Outcome, RunState, Tick, WheelSample
+from rw_ekf.sinks.all_sinks import RunContext
 from rw_ekf.sinks.recorders.text_server import TextServer
 from rw_ekf.sinks.recorders.tick_record import TickRecords
-from rw_ekf.sinks.run_context import RunContext
 from rw_ekf.statistics import LATE_BOUNDS_MS
 from rw_ekf.version import __version__
 
@@ -106,21 +106,12 @@ class PrometheusRecorder:
         state = run.began.state if tick is None or tick.state is None else tick.state.state
         yield _enum("run_state", "What the run is doing.", [s.value for s in RunState], state.value)
         yield from self._of_run()
-        yield Family(
-            "samples_total", "counter", "Samples, by what became of them.",
-            [("", {"outcome": outcome}, count) for outcome, count in self._outcomes.items()],
-        )  # fmt: skip
+        yield _by("outcome", "samples_total", "counter", "Samples, by what became of them.", self._outcomes)
         on = set() if tick is None else {alarm.name for alarm in tick.alarms}
-        began = sorted(self._alarms)
-        yield Family(
-            "alarm_active",
-            "gauge",
-            "Whether an alarm of the watch is on.",
-            [("", {"alarm": a}, a in on) for a in began],
-        )
-        yield Family(
-            "alarms_total", "counter", "Alarms that began.", [("", {"alarm": a}, self._alarms[a]) for a in began]
-        )
+        began = dict(sorted(self._alarms.items()))
+        active = {alarm: alarm in on for alarm in began}
+        yield _by("alarm", "alarm_active", "gauge", "Whether an alarm of the watch is on.", active)
+        yield _by("alarm", "alarms_total", "counter", "Alarms that began.", began)
         if tick is not None:
             yield _enum("link_state", "How the line answered.", [s.value for s in LinkState], tick.link.value)
             at_s = None if self._stamp_ns is None else self._stamp_ns * 1e-9
@@ -129,9 +120,7 @@ class PrometheusRecorder:
             yield from _of_estimate(tick.estimate)
             if tick.compensation is not None:
                 yield _gauge("compensation_on", "Whether friction is compensated.", tick.compensation.on)
-                yield _gauge(
-                    "compensation_current_amperes", "Current added by it.", tick.compensation.current_A
-                )  # fmt: skip
+                yield _gauge("compensation_current_amperes", "Current added by it.", tick.compensation.current_A)
 
     def _of_run(self) -> Iterator[Family]:
         """Line, loop, and what could not be recorded."""
@@ -148,15 +137,10 @@ class PrometheusRecorder:
         total = [("_sum", dict[str, str](), 1e-3 * timing.late_ms_sum), ("_count", dict[str, str](), float(counts[-1]))]
         yield Family("loop_late_seconds", "histogram", "How late turns began.", [*late, *total])
         rows = {"log": unwritten.log_rows, "estimates": unwritten.estimate_rows}
-        yield Family(
-            "unwritten_rows_total", "counter", "Rows that are missing from the run's files.",
-            [("", {"file": file}, count) for file, count in rows.items()],
-        )  # fmt: skip
+        yield _by("file", "unwritten_rows_total", "counter", "Rows that are missing from the run's files.", rows)
         missed = Counter(unwritten.failed_sinks) + Counter(unwritten.not_sent)
-        yield Family(
-            "sink_missed_ticks_total", "counter", "Ticks that a sink failed at or could not get rid of.",
-            [("", {"sink": sink}, count) for sink, count in missed.items()],
-        )  # fmt: skip
+        meaning = "Ticks that a sink failed at or could not get rid of."
+        yield _by("sink", "sink_missed_ticks_total", "counter", meaning, missed)
 
 
 recorder_of = PrometheusRecorder
@@ -174,21 +158,13 @@ def _of_estimate(estimate: Estimate) -> Iterator[Family]:
         name, unit = _STATE_METRICS[key]
         yield _gauge(f"{name}_{unit}", f"Estimated {name.replace('_', ' ')}.", getattr(estimate.state, key))
         yield _gauge(f"{name}_sigma_{unit}", "Its standard deviation.", getattr(estimate.std, key))
-    effects = estimate.effects.items()
-    yield Family(
-        "effect_coefficient", "gauge", "Coefficient of an effect of the model, in its unit.",
-        [("", {"effect": effect}, believed.value) for effect, believed in effects],
-    )  # fmt: skip
-    yield Family(
-        "effect_coefficient_sigma", "gauge", "Its standard deviation.",
-        [("", {"effect": effect}, believed.std) for effect, believed in effects],
-    )  # fmt: skip
+    values = {effect: believed.value for effect, believed in estimate.effects.items()}
+    stds = {effect: believed.std for effect, believed in estimate.effects.items()}
+    yield _by("effect", "effect_coefficient", "gauge", "Coefficient of an effect of the model, in its unit.", values)
+    yield _by("effect", "effect_coefficient_sigma", "gauge", "Its standard deviation.", stds)
     if estimate.valid is not None:
-        valid = estimate.valid._asdict().items()
-        yield Family(
-            "parameter_valid", "gauge", "Whether a parameter may be relied on.",
-            [("", {"parameter": name}, flag) for name, flag in valid],
-        )  # fmt: skip
+        meaning, valid = "Whether a parameter may be relied on.", estimate.valid._asdict()
+        yield _by("parameter", "parameter_valid", "gauge", meaning, valid)
     if (test := estimate.innovation) is not None:
         yield _gauge("innovation_radians_per_second", "Measured less predicted speed.", test.innovation_rad_s)
         yield _gauge("innovation_sigma_radians_per_second", "Its standard deviation.", test.std_rad_s)
@@ -199,8 +175,12 @@ def _gauge(name: str, meaning: str, value: float | None) -> Family:
     return Family(name, "gauge", meaning, [("", {}, value)])
 
 
+def _by(label: str, name: str, kind: str, meaning: str, values: Mapping[str, float | None]) -> Family:
+    return Family(name, kind, meaning, [("", {label: key}, value) for key, value in values.items()])
+
+
 def _enum(name: str, meaning: str, states: list[str], now: str) -> Family:
-    return Family(name, "gauge", meaning, [("", {"state": state}, state == now) for state in states])
+    return _by("state", name, "gauge", meaning, {state: state == now for state in states})
 
 
 def _lines(family: Family) -> Iterator[str]:
