@@ -51,9 +51,8 @@ def execute(args: argparse.Namespace) -> int:
 def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
     """What one wheel's run publishes, and the exit status for it."""
     from rw_ekf.clock import SystemClock
-    from rw_ekf.live.published_place import published_place
-    from rw_ekf.live.published_state import read_published
-    from rw_ekf.live.running_daemon import holders_of, supervisors_of
+    from rw_ekf.live.published_state import published_place, read_published
+    from rw_ekf.live.running_daemon import holders_of
     from rw_ekf.records import RunState
 
     clock = SystemClock()
@@ -70,7 +69,7 @@ def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
         document["reason"] += f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does)"
         return document, OTHER_STATUS
     if not found.alive:
-        for facts in supervisors_of(configuration.wheel.port, clock):
+        for facts in holders_of(configuration.wheel.port, clock, supervise=True):
             document["reason"] += f" ({facts.described} supervises it, and starts it again)"
         return document, DEAD_STATUS
     return document, TRACKING_STATUS if found.run_state == RunState.TRACKING else OTHER_STATUS

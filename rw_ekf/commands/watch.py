@@ -64,8 +64,7 @@ def _picture(configurations: Sequence[Configuration]) -> str:
 
 def _published(configuration: Configuration) -> tuple[dict[str, object] | None, str]:
     """What the run publishes, with its last rows, and where."""
-    from rw_ekf.live.published_place import published_place
-    from rw_ekf.live.published_state import read_published
+    from rw_ekf.live.published_state import published_place, read_published
     from rw_ekf.page.run_feed import RunFeed
 
     place = published_place(configuration)

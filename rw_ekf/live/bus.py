@@ -347,46 +347,46 @@ class Bus:
             self._oversight.turned(max(states, key=lambda now: _WORST_LAST.index(now.state), default=None))
 
 
+@dataclass(eq=False)
 class _Watched:
     """Who watches one wheel's turns, as Oversight has it: its end is not yet the end of all."""
 
-    def __init__(self, member: _Member, turned: Callable[[], None]) -> None:
-        self._member = member
-        self._turned = turned
+    member: _Member
+    turned_one: Callable[[], None]
 
     def turned(self, state: StateNow | None) -> None:
         """A turn of this wheel has been completed."""
-        self._member.turned, self._member.state = True, state
-        self._turned()
+        self.member.turned, self.member.state = True, state
+        self.turned_one()
 
     def over(self) -> None:
         """Its loop has ended in order: nobody waits for a turn of it."""
-        self._member.ending = True
-        self._turned()
+        self.member.ending = True
+        self.turned_one()
 
 
+@dataclass(eq=False)
 class _Meanwhile:
     """The clock of one wheel among several: while it waits, the others have their turns."""
 
-    def __init__(self, clock: Clock, slot: Slot, turns_until: Callable[[float], None]) -> None:
-        self._clock = clock
-        self._slot = slot
-        self._turns_until = turns_until
+    clock: Clock
+    slot: Slot
+    turns_until: Callable[[float], None]
 
     def monotonic(self) -> float:
         """Time since some instant [s]; never steps."""
-        return self._clock.monotonic()
+        return self.clock.monotonic()
 
     def sleep(self, seconds: float, unless: int | None = None) -> None:
         """Wait, by the others' turns and then by the clock; those may take longer, and so may its own next slot."""
-        end_s = self._slot.wake_s(self._clock.monotonic() + seconds)
-        self._turns_until(end_s)
-        self._clock.sleep(end_s - self._clock.monotonic(), unless)
+        end_s = self.slot.wake_s(self.clock.monotonic() + seconds)
+        self.turns_until(end_s)
+        self.clock.sleep(end_s - self.clock.monotonic(), unless)
 
     def patience_s(self, budget_s: float) -> float:
         """That of the clock."""
-        return self._clock.patience_s(budget_s)
+        return self.clock.patience_s(budget_s)
 
     def utc(self) -> datetime:
         """The hour of the day."""
-        return self._clock.utc()
+        return self.clock.utc()

@@ -14,15 +14,15 @@ from rw_ekf.driver import WheelProtocol
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.run_start import GivenModel, Start, start_of_run
 from rw_ekf.live.compensating import compensated, request_socket
-from rw_ekf.live.confirm_sign import confirming
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.loop import following, turns
 from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.process import own_process
-from rw_ekf.live.published_place import leave_place
+from rw_ekf.live.published_state import leave_place
 from rw_ekf.live.run_outcome import RunOutcome, outcome_of, write_model
+from rw_ekf.live.sign_check import confirming
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.watches import RunWatches, expectation_of
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
@@ -32,7 +32,6 @@ from rw_ekf.sinks.guarded_sink import GuardedSink
 from rw_ekf.sinks.learned_sink import Learning
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles
-from rw_ekf.starting_point import FilterSetup
 from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.version import __version__
 from rw_ekf.wheel.wheel_tag import WheelTag
@@ -97,7 +96,8 @@ def turns_of_run(
             start = start_of_run(configuration, task.given, _tag(live, protocol, configuration), files.learned, began)
             for event, text in start.said:
                 logger.info(event, text=text)
-            estimator = _estimator_of(start.setup)
+            setup, prior = start.setup, start.setup.prior
+            estimator = Estimator(setup.constants, prior.mean, prior.covariance, setup.effects, setup.effect_drift)
             expectation = expectation_of(configuration, task.given)
             watches = RunWatches(configuration, protocol, start, expectation, estimator, live, logger, clock)
             if place.resumed_by is not None:
@@ -184,10 +184,6 @@ def _opened(
         note=logger.warning,
         speed_step_rad_s=max(protocol.limits.speed_step_rad_s, rad_s_from_rpm(configuration.filter.speed_noise_rpm)),
     )
-
-
-def _estimator_of(setup: FilterSetup) -> Estimator:
-    return Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
 
 
 def _context(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -370,35 +371,23 @@ class CurrentGuard:
         return issued
 
 
-def zero_and_close(
-    driver: WheelDriver,
-    limits: LimitsSection,
-    clock: Clock,
-    within_s: float,
-    say: Say,
-) -> bool:
-    """Zero from outside the loop, over a line that is closed behind it, as `CurrentGuard.stand_down`."""
-    try:
-        return CurrentGuard(driver, SafetyLimits.of(limits), clock, _USUAL_STEP_RAD_S, say).stand_down(within_s)
-    finally:
-        driver.close()
-
-
 def zero_each(
     wheels: Sequence[tuple[Callable[[WheelDriver | None], WheelDriver], LimitsSection]],
     clock: Clock,
     within_s: float = _CONFIRMED_WITHIN_S,
     say: Say = lambda event, text: None,
 ) -> list[bool]:
-    """Zero from outside the loop to each wheel of a line; whether each confirmed it, as `zero_and_close`.
+    """Zero from outside the loop to each wheel of a line; whether each confirmed it, as `CurrentGuard.stand_down`.
 
-    wheels: what opens each, and its limits. Zero goes to all of them before any is waited for. Raises DriverError where
-    the line cannot be opened.
+    wheels: what opens each, and its limits; the line is closed behind it. Zero goes to all of them before any is waited
+    for. Raises DriverError where the line cannot be opened.
     """
     for open_wheel, limits in wheels if len(wheels) > 1 else ():
-        driver = open_wheel(None)
-        try:
+        with closing(open_wheel(None)) as driver:
             CurrentGuard(driver, SafetyLimits.of(limits), clock, _USUAL_STEP_RAD_S).zero(within_s=0.0)
-        finally:
-            driver.close()
-    return [zero_and_close(open_wheel(None), limits, clock, within_s, say) for open_wheel, limits in wheels]
+    confirmed = []
+    for open_wheel, limits in wheels:
+        with closing(open_wheel(None)) as driver:
+            guard = CurrentGuard(driver, SafetyLimits.of(limits), clock, _USUAL_STEP_RAD_S, say)
+            confirmed.append(guard.stand_down(within_s))
+    return confirmed

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
-from rw_ekf.live.changed_commands import ChangedCommands
+from rw_ekf.live.command_acceptance import ChangedCommands
 from rw_ekf.live.connection import Connection, Note, Opener
 from rw_ekf.live.guard import SafetyLimits, SpeedLimit
 from rw_ekf.live.stop_signal import RESUME, StopSignal

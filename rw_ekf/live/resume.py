@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import SystemClock
-from rw_ekf.live.published_place import published_place
-from rw_ekf.live.published_state import Published, read_published
+from rw_ekf.live.published_state import Published, published_place, read_published
 from rw_ekf.live.running_daemon import holders_of, tell
 from rw_ekf.live.stop_signal import LINE_RESUMES, RESUME
 from rw_ekf.records import RunState

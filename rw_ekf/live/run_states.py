@@ -48,7 +48,7 @@ class RunStates:
         self._good = self._bad = 0  # turns running
         self._bad_share = 0.0
         self._resume_asked = False
-        self._forbidden: str | None = None
+        self.forbidden: str | None = None  # why it must not be driven for the rest of the run, whoever says what
         self.now = StateNow(RunState.CONNECTING, utc_text(clock.utc()), "the line has been opened")
 
     @property
@@ -56,15 +56,10 @@ class RunStates:
         """Whether nothing but zero may be written."""
         return self.now.state is RunState.SAFE
 
-    @property
-    def forbidden(self) -> str | None:
-        """Why the wheel must not be driven for the rest of the run, whatever a person says."""
-        return self._forbidden
-
     def step(self, turn: Turn) -> StateNow:
         """Take one turn."""
         self._count(turn)
-        danger = self._forbidden or turn.danger
+        danger = self.forbidden or turn.danger
         if self.is_safe:
             self._leave_safe(danger)
         elif danger is not None and self._latches:
@@ -79,7 +74,7 @@ class RunStates:
         if not self._latches:
             return
         if for_good:
-            self._forbidden = self._forbidden or danger
+            self.forbidden = self.forbidden or danger
         if not self.is_safe:
             self._go(RunState.SAFE, danger)
 

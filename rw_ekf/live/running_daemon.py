@@ -53,17 +53,11 @@ def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
     return report
 
 
-def holders_of(port: str, clock: Clock) -> list[ProcessFacts]:
-    """Every other daemon that drives the wheel at `port`, by the claim that it holds."""
-    return _holders(port, clock, supervise=False)
+def holders_of(port: str, clock: Clock, *, supervise: bool = False) -> list[ProcessFacts]:
+    """Every other daemon that drives the wheel at `port`, by the claim that it holds.
 
-
-def supervisors_of(port: str, clock: Clock) -> list[ProcessFacts]:
-    """Every other process that starts a daemon on `port` again when it dies."""
-    return _holders(port, clock, supervise=True)
-
-
-def _holders(port: str, clock: Clock, *, supervise: bool) -> list[ProcessFacts]:
+    supervise: every other process that starts a daemon on `port` again when it dies, instead.
+    """
     found = [claim.holder() for claim in held_claims(names_of(port), clock) if claim.supervises is supervise]
     return [facts for facts in found if facts is not None and facts.pid != os.getpid()]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.live import published_place
+from rw_ekf.live import published_state
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.sinks.run_files import state_path
 from tests.live.bench import Bench, document_of, driven, program, rw_ekf, served_wheel, wait_for
@@ -149,21 +149,21 @@ def test_a_word_of_another_place_is_believed_of_nobody_else(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of other users only one whose daemon has the port is; a link, a relative path, another wheel's file never."""
-    monkeypatch.setattr(published_place, "DIRECTORIES", (str(tmp_path),))
-    monkeypatch.setattr(published_place, "shared_directory", lambda: tmp_path)
+    monkeypatch.setattr(published_state, "DIRECTORIES", (str(tmp_path),))
+    monkeypatch.setattr(published_state, "shared_directory", lambda: tmp_path)
     configuration = load_configuration(bench.config(output={"directory": "runs"}))
     here = state_path(configuration)
-    published_place.leave_place(configuration)
+    published_state.leave_place(configuration)
     (word,) = tmp_path.glob("*.place")
-    assert published_place.published_place(configuration) == here.absolute()
+    assert published_state.published_place(configuration) == here.absolute()
     monkeypatch.setattr("os.geteuid", lambda: 4711)
     os.chown(word, 4712, -1) if os.getuid() == 0 else pytest.skip("files of another user take root")
-    assert published_place.published_place(configuration) == here
-    assert published_place.published_place(configuration, [4712]) == here.absolute()
+    assert published_state.published_place(configuration) == here
+    assert published_state.published_place(configuration, [4712]) == here.absolute()
     os.chown(word, 4711, -1)
     for content in ("runs", "/tmp/other.state.json", str(here), ""):
         word.write_text(content, encoding="utf-8")
-        assert published_place.published_place(configuration) == here
+        assert published_state.published_place(configuration) == here
     word.rename(tmp_path / "kept")
     word.symlink_to(tmp_path / "kept")
-    assert published_place.published_place(configuration) == here
+    assert published_state.published_place(configuration) == here

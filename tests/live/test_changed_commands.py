@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rw_ekf.live.changed_commands import ChangedCommands
+from rw_ekf.live.command_acceptance import ChangedCommands
 from rw_ekf.records import IssuedCommand
 
 
