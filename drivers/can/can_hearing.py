@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rw_ekf.drivers.can.can_bus import CanBus
 from rw_ekf.drivers.can.can_frames import CanFrame
-from rw_ekf.drivers.can.can_map import CanMap
+from rw_ekf.drivers.can.can_protocol import CanMap
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
 
@@ -17,7 +17,7 @@ _QUIET_S = 0.3  # behind it another wheel may speak: nothing that was told befor
 # Error frames as SocketCAN's linux/can/error.h has them.
 CONTROLLER, BUS_OFF, RESTARTED = 0x004, 0x040, 0x100  # classes: bits of the identifier
 _STATE_BYTE = 1  # of the data, where the class is CONTROLLER
-OVERFLOW, WARNING, PASSIVE, ACTIVE = 0x03, 0x0C, 0x30, 0x40
+WARNING, PASSIVE, ACTIVE = 0x0C, 0x30, 0x40
 IS_ACTIVE, IS_WARNING, IS_PASSIVE, IS_OFF = "active", "warning", "passive", "off"
 _SOONEST = 0.25  # of a period: the same bytes again within it are the same frame again
 

@@ -7,14 +7,13 @@ cycle's. A current that is written is acknowledged when a cycle behind it says t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.can.can_bus import SERIAL_INTERFACE, CanBus, CanPort, PythonCanBus
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
 from rw_ekf.drivers.can.can_hearing import Hearing, Told
-from rw_ekf.drivers.can.can_map import CanMap
+from rw_ekf.drivers.can.can_protocol import CanMap, Layout
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.registers import decode_register
@@ -24,9 +23,6 @@ from rw_ekf.drivers.line.unacknowledged_commands import Bearing, Standing
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
-
-if TYPE_CHECKING:
-    from rw_ekf.drivers.can.can_map import Layout
 
 _OK = bytes((0,))
 _CYCLES_WAITED = 1.5

@@ -125,10 +125,10 @@ class RegisterProtocol:
         )
 
     def simulated(self, plant: Any, **options: Any) -> RegisterServer:
-        """The electronics of such a wheel, as `rw_ekf.drivers.sim.pty_server.ServedWheel` has the options."""
-        from rw_ekf.drivers.sim.pty_server import ServedWheel
+        """The electronics of such a wheel, with options as `simulated_electronics` has them."""
+        from rw_ekf.drivers.sim.pty_server import simulated_electronics
 
-        return ServedWheel(self.wire_map, plant, electronics=self.electronics, **options).made()
+        return simulated_electronics(self.electronics, self.wire_map, plant, **options)
 
     @property
     def electronics(self) -> type[RegisterServer]:

@@ -9,7 +9,7 @@ from typing import Any
 from rw_ekf.drivers.can import slcan
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
-from rw_ekf.drivers.can.can_map import CanMap
+from rw_ekf.drivers.can.can_protocol import CanMap
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.registers import encode_saturated
 from rw_ekf.drivers.line.wire_layout import Register

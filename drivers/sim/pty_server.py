@@ -10,7 +10,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
@@ -85,32 +84,25 @@ class PtyServer:
         return min((due_s - now_s) / self._factor, STOP_POLL_S) if math.isfinite(due_s) else STOP_POLL_S
 
 
-@dataclass(frozen=True)
-class ServedWheel:
-    """A wheel to be simulated.
+def simulated_electronics(
+    electronics: type[RegisterServer],
+    wire_map: WireMap,
+    parameters: PlantParameters,
+    *,
+    seed: int = 0,
+    noise: PlantNoise | None = None,
+    initial_speed_rad_s: float = 0.0,
+    faults: Sequence[Fault] = (),
+    law: Advance = advance,
+) -> RegisterServer:
+    """What answers for a simulated wheel. Raises BadInputError for a fault of what the map does not have.
 
-    law: of the plant's motion, where it has a formula of a user's own. electronics: of another family of wheels.
+    law: of the plant's motion, where it has a formula of a user's own.
     """
-
-    wire_map: WireMap
-    parameters: PlantParameters
-    seed: int = 0
-    noise: PlantNoise | None = None
-    initial_speed_rad_s: float = 0.0
-    faults: Sequence[Fault] = ()
-    law: Advance = advance
-    electronics: type[RegisterServer] = RegisterServer
-
-    def made(self) -> RegisterServer:
-        """Its electronics. Raises BadInputError for a fault of what the map does not have."""
-        check_faults(self.faults, self.wire_map)
-        parameters = self.parameters
-        state = PlantState(speed_rad_s=self.initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
-        plant = PlantRunner(parameters, self.noise, self.seed, state, law=self.law)
-        number = (self.seed % 65535) + 1
-        return self.electronics(
-            self.wire_map, plant, serial_number=number, faults=FaultInjector(self.faults, self.seed)
-        )
+    check_faults(faults, wire_map)
+    state = PlantState(speed_rad_s=initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
+    plant = PlantRunner(parameters, noise, seed, state, law=law)
+    return electronics(wire_map, plant, serial_number=(seed % 65535) + 1, faults=FaultInjector(faults, seed))
 
 
 def serve_electronics(

@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.sim.faults import FaultInjector
-from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.units import rad_s_from_rpm
 
-
-class Electronics(Protocol):
-    """What faults happen to: what answers on the line, and the plant behind it."""
-
-    plant: PlantRunner
-
-    def restart(self) -> None:
-        """Start anew, as after a loss of power."""
-        ...
-
-    def jump_clock(self, by_s: float) -> None:
-        """Move the clock that it reports."""
-        ...
+if TYPE_CHECKING:
+    from rw_ekf.drivers.sim.register_server import RegisterServer
 
 
 class Refusal(NamedTuple):
@@ -40,7 +28,7 @@ class WheelFaults:
         self._faults = faults
         self._cool_degC: float | None = None  # temperature before the heat
 
-    def happen(self, server: Electronics, time_s: float) -> None:
+    def happen(self, server: RegisterServer, time_s: float) -> None:
         """Let what is due at time_s [s] happen to the wheel: restart, jump of its clock, heat."""
         now = self._faults.by_kind(time_s)
         if not now and self._cool_degC is None:

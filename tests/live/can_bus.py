@@ -13,7 +13,7 @@ from typing import Any
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.can import slcan
 from rw_ekf.drivers.can.can_frames import CanFrame, MessageCodec
-from rw_ekf.drivers.can.can_map import CanMap
+from rw_ekf.drivers.can.can_protocol import CanMap
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.sim.can_server import CanServer
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState

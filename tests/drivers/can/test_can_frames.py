@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from rw_ekf.drivers.can.can_frames import CHECKSUMS, CanFrame, MessageCodec
-from rw_ekf.drivers.can.can_map import CanMap
+from rw_ekf.drivers.can.can_protocol import CanMap
 from tests.live.bench import protocol_named
 
 pytest.importorskip("cantools")
