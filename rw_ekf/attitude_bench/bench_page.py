@@ -10,8 +10,7 @@ from typing import Any
 
 from rw_ekf.attitude_bench.bench_pictures import courses_picture, peaks_picture
 from rw_ekf.attitude_bench.contest import Contest
-from rw_ekf.attitude_bench.contest_result import BASELINE, LEGEND, Row, rows_of, tables_of
-from rw_ekf.attitude_bench.contest_tables import Table
+from rw_ekf.attitude_bench.contest_result import BASELINE, LEGEND, Row, Table, rows_of, tables_of
 from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.diagnosis.report.picture_files import write_pictures

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.attitude_bench import robustness, spike_answer
 from rw_ekf.attitude_bench.bench_page import headline_of, write_page
 from rw_ekf.attitude_bench.contest import Contest, entries_of, hold_contest, models_of
-from rw_ekf.attitude_bench.contest_result import LEGEND, Row, document_of, rows_of, tables_of
-from rw_ekf.attitude_bench.contest_tables import Table, texts
+from rw_ekf.attitude_bench.contest_result import LEGEND, Row, Table, document_of, rows_of, tables_of, texts
 from rw_ekf.attitude_bench.robustness import Bearing
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.spike_answer import SpikeAnswer

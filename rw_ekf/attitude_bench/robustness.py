@@ -9,8 +9,7 @@ from statistics import median
 from typing import Any
 
 from rw_ekf.attitude_bench.contest import Models, hold_runs
-from rw_ekf.attitude_bench.contest_result import BASELINE
-from rw_ekf.attitude_bench.contest_tables import Table
+from rw_ekf.attitude_bench.contest_result import BASELINE, Table
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 
@@ -112,9 +111,9 @@ def sweep_all(
     return found
 
 
-def runs_of(schemes: Sequence[str], seeds: int, sweeps: Sequence[Sweep] = SWEEPS) -> int:
+def runs_of(schemes: Sequence[str], seeds: int) -> int:
     """How many runs that takes."""
-    return sum(len(sweep.levels) for sweep in sweeps) * seeds * len({BASELINE, *schemes})
+    return sum(len(sweep.levels) for sweep in SWEEPS) * seeds * len({BASELINE, *schemes})
 
 
 def _share(peaks: Mapping[str, Sequence[float]], scheme: str) -> float:

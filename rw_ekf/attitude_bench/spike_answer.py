@@ -13,7 +13,7 @@ from rw_ekf.attitude_bench.bench_run import BenchRun
 from rw_ekf.attitude_bench.bench_start import run_scheme
 from rw_ekf.attitude_bench.bench_wheels import drawn_wheel
 from rw_ekf.attitude_bench.contest import Models, finished
-from rw_ekf.attitude_bench.contest_tables import Table, shown
+from rw_ekf.attitude_bench.contest_result import Table, shown
 from rw_ekf.attitude_bench.metrics import recovered_s
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES, SchemeEntry

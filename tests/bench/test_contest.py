@@ -16,8 +16,7 @@ import pytest
 
 from rw_ekf.attitude_bench.bench_page import headline_of, write_page
 from rw_ekf.attitude_bench.contest import Contest, Entry, hold_contest, run_entry
-from rw_ekf.attitude_bench.contest_result import document_of, rows_of, tables_of
-from rw_ekf.attitude_bench.contest_tables import Table
+from rw_ekf.attitude_bench.contest_result import Table, document_of, rows_of, tables_of
 from rw_ekf.attitude_bench.metrics import metrics_of
 from rw_ekf.attitude_bench.robustness import SWEEPS, sweep_all
 from rw_ekf.attitude_bench.robustness import table_of as sweep_table
