@@ -28,9 +28,9 @@ def settle(configuration: Configuration, args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.errors import RwEkfError
     from rw_ekf.settings.schema import CompensationSection
-    from rw_ekf.settle.carry_out import commander_for, write_motion
     from rw_ekf.settle.motion_limits import MotionLimits, bounds_of, refuse_hot
     from rw_ekf.settle.predicted import Scene
+    from rw_ekf.settle.settle_plan import commander_for, write_motion
     from rw_ekf.settle.standing_explanations import read_standing
 
     scene = Scene(read_standing(args.settle), 1.0 / configuration.loop.rate_hz)

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from rw_ekf.flyby.avoidance import Family, Interval, allowed_values, null_family, scaled_family
-from rw_ekf.flyby.crossings import WheelCourse, course_of
 from rw_ekf.flyby.geometry import Flyby
-from rw_ekf.flyby.wheel_rates import WheelRate, wheel_rates
+from rw_ekf.flyby.wheel_rates import WheelCourse, WheelRate, course_of, wheel_rates
 from rw_ekf.numbers import MISSING, number_text
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 

@@ -12,11 +12,10 @@ from collections import deque
 
 from rw_ekf.records import WheelState
 from rw_ekf.watch.alarms import DRAG_SPIKE, Alarm
-from rw_ekf.watch.drag_tracker import DragTracker
 from rw_ekf.watch.observation import Observation
 from rw_ekf.watch.onset_bank import Onset, OnsetBank
 from rw_ekf.watch.onset_fit import OnsetFit, fit_onset
-from rw_ekf.watch.spike_course import FADED, SpikeCourse
+from rw_ekf.watch.spike_course import FADED, DragTracker, SpikeCourse
 
 LONGEST_ONSET_S = 15.0
 _MARGIN = 10.0  # twice the log likelihood ratio to a step of the speed: three sigma of that ratio when it decides

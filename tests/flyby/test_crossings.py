@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rw_ekf.flyby.crossings import course_of
 from rw_ekf.flyby.geometry import Flyby
 from rw_ekf.flyby.settings import read_flyby
-from rw_ekf.flyby.wheel_rates import WheelRate, rates_at, wheel_rates
+from rw_ekf.flyby.wheel_rates import WheelRate, course_of, rates_at, wheel_rates
 from tests.flyby.geometries import flybys, random_rates
 
 

@@ -13,11 +13,10 @@ from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.schema import Configuration
-from rw_ekf.settle.carry_out import commander_for
 from rw_ekf.settle.motion_limits import MotionLimits, bounds_of
 from rw_ekf.settle.predicted import Scene
 from rw_ekf.settle.search import design_motion
-from rw_ekf.settle.settle_plan import Plan
+from rw_ekf.settle.settle_plan import Plan, commander_for
 from rw_ekf.settle.standing_explanations import Standing
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.daemon import Notes
