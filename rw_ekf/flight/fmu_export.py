@@ -16,7 +16,7 @@ from rw_ekf.flight import fmu_description as at
 from rw_ekf.flight.exported_plant import plant_of
 from rw_ekf.flight.fmu_description import Version, build_description, description, variables_of
 from rw_ekf.flight.fmu_libraries import Platform, libraries
-from rw_ekf.flight.plant_files import PrintedPlant, plant_header, plant_source, printed_plant
+from rw_ekf.flight.plant_files import plant_header, plant_source, printed_plant
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.model.effect import REFERENCE_DEGC
@@ -62,16 +62,17 @@ def export_fmu(
 
 def sources_of(model: PlantModel, identifier: str, version: Version) -> dict[str, str]:
     """All files of the FMU but the library, by their paths in it. Raises BadInputError for what has no C."""
-    wheel = PrintedPlant(plant_of(model.x, model.table), model.table, model.stribeck)
+    table = model.table
+    held = plant_of(model.x, table)
     try:
-        program = printed_plant(wheel)
+        program = printed_plant(held, table, model.stribeck)
     except NotPrintableError as error:
         raise BadInputError(f"{model.name}: cannot be exported as C: {error}") from None
     origin = f"Printed by rw_ekf {__version__} from the model {model.name}"
     glue = f"fmi{version}"
     texts = {
-        "wheel.h": plant_header(program, wheel, origin),
-        "wheel.c": plant_source(program, wheel, origin),
+        "wheel.h": plant_header(program, held, origin),
+        "wheel.c": plant_source(program, held, origin),
         **{
             name: (_GLUE / name).read_text(encoding="utf-8")
             for name in ("instance.h", "instance.c", f"{glue}_types.h", f"{glue}.c")

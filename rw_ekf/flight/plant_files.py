@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from rw_ekf.c_code.c_program import Program
 from rw_ekf.c_code.c_text import definitions, prototypes, public_structures
 from rw_ekf.c_code.c_types import ATOM, Scalar, Value
@@ -18,44 +16,31 @@ from rw_ekf.wheel.effect_table import EffectTable
 _LAG_TURNS = 320
 
 
-@dataclass(frozen=True)
-class PrintedPlant:
-    """What is printed of a wheel."""
-
-    held: exported_plant.Plant
-    table: EffectTable
-    stribeck: Stribeck
-
-    @property
-    def room(self) -> int:
-        """Pieces of current that it remembers."""
-        return int(self.held.pieces.begin_s.size)
-
-
-def printed_plant(of: PrintedPlant) -> Program:
+def printed_plant(held: exported_plant.Plant, table: EffectTable, stribeck: Stribeck) -> Program:
     """The program; raises NotPrintableError for what has no C."""
-    laws = {of.stribeck.law}
-    if of.table.stribeck_at >= 0:
-        laws.add(of.table.stribeck_law)
-    whiles = {"effect_interval": (of.room, of.room + 1, _LAG_TURNS), "rounding": (of.room,)}
+    laws = {stribeck.law}
+    if table.stribeck_at >= 0:
+        laws.add(table.stribeck_law)
+    room = int(held.pieces.begin_s.size)  # pieces of current that it remembers
+    whiles = {"effect_interval": (room, room + 1, _LAG_TURNS), "rounding": (room,)}
     domains = {"law": frozenset(laws)}
     program = Program(
         single=False, clocks=frozenset(), bounds=FORMULA_BOUNDS, whiles=whiles, domains=domains, by_flags=True,
-        instead=formulas_instead(of.table),
+        instead=formulas_instead(table),
     )  # fmt: skip
-    held = Value("held", program.hold(of.held), by_address=True)
-    program.name_known(of.stribeck, "stribeck")
-    program.name_known(of.table, "effects")
-    table, stribeck = Value("", None, ATOM, of.table), Value("", None, ATOM, of.stribeck)
+    here = Value("held", program.hold(held), by_address=True)
+    program.name_known(stribeck, "stribeck")
+    program.name_known(table, "effects")
+    effects, peak = Value("", None, ATOM, table), Value("", None, ATOM, stribeck)
     around = Value("around", program.structure(exported_plant.Surroundings))
     amount = Value("", Scalar("real"))
-    program.entry(exported_plant.begin, "rw_wheel_begin", [held, table, amount])
-    program.entry(exported_plant.turn, "rw_wheel_turn", [held, table, stribeck, around, amount])
-    program.entry(exported_plant.friction_now, "rw_wheel_friction", [held, table, stribeck, around])
+    program.entry(exported_plant.begin, "rw_wheel_begin", [here, effects, amount])
+    program.entry(exported_plant.turn, "rw_wheel_turn", [here, effects, peak, around, amount])
+    program.entry(exported_plant.friction_now, "rw_wheel_friction", [here, effects, peak, around])
     return program
 
 
-def plant_header(program: Program, of: PrintedPlant, origin: str) -> str:
+def plant_header(program: Program, held: exported_plant.Plant, origin: str) -> str:
     """wheel.h."""
     return f"""/* {origin} */
 #ifndef RW_WHEEL_H
@@ -65,7 +50,7 @@ def plant_header(program: Program, of: PrintedPlant, origin: str) -> str:
 
 typedef double rw_real;
 
-#define RW_WHEEL_STATES {of.held.x.size}
+#define RW_WHEEL_STATES {held.x.size}
 
 {public_structures(program)}
 /* What a wheel of this model begins with; before anything else. */
@@ -76,9 +61,9 @@ void rw_wheel_start(struct rw_plant *held);
 """
 
 
-def plant_source(program: Program, of: PrintedPlant, origin: str) -> str:
+def plant_source(program: Program, held: exported_plant.Plant, origin: str) -> str:
     """wheel.c."""
-    start = start_of(program, "rw_wheel_start", "held", of.held)
+    start = start_of(program, "rw_wheel_start", "held", held)
     return f"""/* {origin} */
 #include "wheel.h"
 
