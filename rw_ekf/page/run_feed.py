@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import json
 from collections.abc import Mapping
 from functools import lru_cache
@@ -13,7 +12,7 @@ import numpy as np
 
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.live.published_state import read_published
-from rw_ekf.logs.parts import FORMS, PartName, beside, stem_of
+from rw_ekf.logs.parts import PartName, beside, parts_of, stem_of
 from rw_ekf.page.growing_table import Columns, GrowingTable, read_thinned
 
 POINTS = 3000  # of a history, in each column
@@ -49,15 +48,8 @@ class RunFeed:
 
     def _parts(self, *, estimates: bool) -> list[Path]:
         """Parts in order, each in the first of the forms that is there."""
-        found: dict[int, tuple[int, Path]] = {}
-        for path in self.stem.parent.glob(f"{glob.escape(self.stem.name)}*"):
-            part = PartName.of(path.name)
-            if part is None or part.stem != self.stem.name or part.estimates != estimates:
-                continue
-            rank = FORMS.index(part.form)
-            if part.number not in found or rank < found[part.number][0]:
-                found[part.number] = (rank, path)
-        return [path for _, (_, path) in sorted(found.items())]
+        first = beside(self.stem, "estimates.csv" if estimates else "csv")
+        return [path for path in parts_of(first).files if path.exists()]
 
     def history(self, span_s: tuple[float, float] = _ALL, points: int = POINTS) -> dict[str, Any]:
         """All rows so far within a span, thinned, and the events."""
