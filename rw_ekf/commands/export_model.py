@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import add_config_option, read_configuration, read_wheel_model
 
 if TYPE_CHECKING:
@@ -82,12 +83,7 @@ def execute(args: argparse.Namespace) -> int:
     else:
         setup = replace(setup, prior=belief_of_model(model))  # its own numbers, whatever the filter is to start from
         found, text = _as_wheel(args, form, setup, period_s, configuration)
-    if args.json:
-        from rw_ekf.json_output import print_json
-
-        print_json(found)
-        return 0
-    sys.stdout.write(text)
+    answer(args, lambda: found, lambda: text.removesuffix("\n"))
     return 0
 
 

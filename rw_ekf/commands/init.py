@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
+
+from rw_ekf.commands.answer import answer
 
 HELP = "write a commented configuration for the serial port that is found"
 EXAMPLE = """example:
@@ -28,15 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises BadInputError where the file is there already or cannot be written."""
     from rw_ekf.console import shown_path
-    from rw_ekf.json_output import print_json
     from rw_ekf.live.port_name import serial_ports
 
     found = [] if args.port is not None else serial_ports()
     port = args.port or (found[0] if found else _PLACEHOLDER)
     _write_new(args.out, _text(port, found[1:]))
-    if args.json:
-        print_json({"schema": "rw_ekf.init/1", "out": args.out, "port": port, "found": found})
-        return 0
     said = f"wheel.port is {port}"
     if port == _PLACEHOLDER:
         said = f"no serial port was found: wheel.port is a placeholder, {port}"
@@ -44,7 +41,8 @@ def execute(args: argparse.Namespace) -> int:
         said = f"{len(found)} serial ports were found: {said}, and the others stand beside it"
     out = shown_path(args.out)
     then = f"set limits.current_A in it and look at the rest; then: rw-ekf check-config {out}"
-    sys.stdout.write(f"{out} written; {said}\n{then}\n")
+    document = {"schema": "rw_ekf.init/1", "out": args.out, "port": port, "found": found}
+    answer(args, lambda: document, lambda: f"{out} written; {said}\n{then}")
     return 0
 
 

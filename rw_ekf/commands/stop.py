@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from rw_ekf.commands.answer import answer
 from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ def execute(args: argparse.Namespace) -> int:
     """
     from rw_ekf.clock import SystemClock
     from rw_ekf.errors import DriverError
-    from rw_ekf.json_output import print_json
     from rw_ekf.live.guard import STAND_DOWN_S
     from rw_ekf.live.running_daemon import stop_holder
     from rw_ekf.settings.stop_settings import read_line
@@ -61,19 +61,16 @@ def execute(args: argparse.Namespace) -> int:
         )
     if report.remaining:
         raise DriverError(f"{port}: {_done(report)}zero was sent and confirmed, but does not last" + _still(report))
-    if args.json:
-        document = {
-            "schema": "rw_ekf.stop/1",
-            "port": port,
-            "zero_confirmed": True,
-            "daemon": report.ended[0] if report.ended else None,
-            "killed": bool(report.killed),
-            "warnings": [*line.findings, *line.doubts, *report.notes],
-        }
-        print_json(document)
-    else:
-        of = "" if len(line.wheels) == 1 else f" by all {len(line.wheels)} wheels"
-        sys.stdout.write(f"{port}: {_done(report)}zero current confirmed{of}\n")
+    document = {
+        "schema": "rw_ekf.stop/1",
+        "port": port,
+        "zero_confirmed": True,
+        "daemon": report.ended[0] if report.ended else None,
+        "killed": bool(report.killed),
+        "warnings": [*line.findings, *line.doubts, *report.notes],
+    }
+    of = "" if len(line.wheels) == 1 else f" by all {len(line.wheels)} wheels"
+    answer(args, lambda: document, lambda: f"{port}: {_done(report)}zero current confirmed{of}")
     return 0
 
 
