@@ -83,7 +83,7 @@ def commander_within(work: Work) -> Commander:
     sizes = sizes_of(sign["motor_gain"], sign["coulomb"], _MOST_SHARE * limit_A, _FASTEST_SHARE * limit_rad_s)
     law, phase = law_for(sizes, _SLEW_SHARE * SLEW_PER_LIMIT * limit_A)
     profile = Profile("identification", law.duration_s, law.current_A, phase)
-    return Commander(_Held(ProfileController(profile), _HELD_SHARE * limit_rad_s), profile)
+    return Commander(_held(ProfileController(profile), _HELD_SHARE * limit_rad_s), profile)
 
 
 def _noise_rpm(work: Work) -> float:
@@ -116,13 +116,11 @@ class _Impatience:
         """Nothing to be told."""
 
 
-class _Held:
+def _held(asked: Controller, fast_rad_s: float) -> Controller:
     """A controller that asks for nothing that would make a fast wheel faster."""
 
-    def __init__(self, asked: Controller, fast_rad_s: float) -> None:
-        self._asked = asked
-        self._fast = fast_rad_s
+    def held_A(tick: Tick) -> float:
+        current_A, speed = asked(tick), tick.sample.speed_rad_s or 0.0
+        return 0.0 if abs(speed) > fast_rad_s and current_A * speed > 0.0 else current_A
 
-    def __call__(self, tick: Tick) -> float:
-        current_A, speed = self._asked(tick), tick.sample.speed_rad_s or 0.0
-        return 0.0 if abs(speed) > self._fast and current_A * speed > 0.0 else current_A
+    return held_A
