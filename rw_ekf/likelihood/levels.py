@@ -67,8 +67,9 @@ class CurrentLevels:
     integrated out as those above are.
     """
 
-    of_sample: Int64Array  # (n,) that the interval stands at which a sample begins
+    of_sample: Int64Array  # (n,) that the interval stands at which a sample begins, -1 at none
     moves_rad_s2: Float64Array  # (count,) acceleration of one standard deviation of each
+    unsteady_rad_s2: float = 0.0  # of the sensor's own, which an interval at none is driven with less or more
 
     @property
     def count(self) -> int:
@@ -81,6 +82,10 @@ class CurrentLevels:
         speed = np.where(before[:, None] == np.arange(self.count), self.moves_rad_s2 * chain.noisy_s[:, None], 0.0)
         speed[~chain.follows] = 0.0
         return np.ascontiguousarray(speed), np.zeros((speed.shape[0] if with_memory else 0, self.count))
+
+    def variance(self, noisy_s: Float64Array) -> Float64Array:
+        """Variance (n,) of what the sensor's noise adds to each interval, which moves for so long [rad^2/s^2]."""
+        return np.where(np.roll(self.of_sample, 1) < 0, (self.unsteady_rad_s2 * noisy_s) ** 2, 0.0)
 
 
 @dataclass(eq=False, frozen=True)

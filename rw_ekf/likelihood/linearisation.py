@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.likelihood.levels import Integrated
+from rw_ekf.likelihood.levels import CurrentLevels, Integrated
 from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.likelihood.unknown_past import variance_of_past
@@ -146,11 +146,14 @@ def linearise(
     if with_memory and np.isnan(trajectory.memory).any():  # the first time: the memory carried along is its trajectory
         trajectory = trajectory._replace(memory=_before(centre.memory_end, record, trajectory, model))
     step = np.where(record.follows, np.diff(record.course.time_s, prepend=record.course.time_s[:1]), 0.0)
+    noisy = np.where(resting, 0.0, step)  # a torque that does not break the wheel away does not move it
+    if isinstance(record.levels, CurrentLevels):
+        extra += record.levels.variance(noisy)
     reading = np.where(omit, np.nan, record.course.speed_rad_s - trajectory.speed)
     chain = Chain(
         follows=record.follows,
         step_s=step,
-        noisy_s=np.where(resting, 0.0, step),  # a torque that does not break the wheel away does not move it
+        noisy_s=noisy,
         slopes=centre.slopes,
         defect=np.where(record.follows, centre.end - trajectory.speed, 0.0),
         memory_defect=np.where(record.follows, centre.memory_end - trajectory.memory, 0.0)

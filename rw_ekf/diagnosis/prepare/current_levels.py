@@ -4,6 +4,9 @@ A drive that is given steps holds each; a sensor beside it adds a few milliamper
 drives the wheel they are a torque noise with a law: a motor gain that falls as one over the current, around each level,
 makes of any reading there the same torque, and so takes the sensor's noise off. Healthy motors were given such a law
 with .98 (docs/decisions/0056). Whether the machine felt the readings or their levels, the likelihood says.
+
+A regulated drive stands nowhere but at its limits, where a set-point that is far away keeps it for seconds. There the
+sensor's noise makes such a law as well; elsewhere it is a torque noise of a known size, and of these rows alone.
 """
 
 from __future__ import annotations
@@ -28,6 +31,12 @@ _LEAST_ROWS = 4  # of a stretch that says by itself where its level is
 _SLOPE, _FEW = 2.0, 0.1  # noises that a step has at least, and the share that may have less: a slope is many of those
 _MOSTLY = 0.9  # of the rows are in such stretches
 _MOST_OPEN = 24  # levels whose errors are integrated out, for what each costs
+_RUN = 8  # rows in a row that say by themselves that a drive stands at its limit
+_HIGHEST, _FEWEST = 0.02, 20  # share and number of the highest runs, among which a limit is sought
+_PILED = 4.0  # times as many runs at a limit as right below it: what only comes near to its largest has no such pile
+_BEYOND = 0.002  # of the runs may be beyond a limit
+_LIMITED = 0.05  # of the rows are at limits: fewer make no law
+_TURNS = 3
 _NO_MORE = 1.1  # times the noise from row to row, that readings are off their level by: else it moves in between
 
 
@@ -36,13 +45,14 @@ class Levels(NamedTuple):
     """A current without its sensor's noise."""
 
     level_A: Float64Array  # (m,) known to noise_A over the root of how many rows stand there
-    of_row: Int64Array  # (n,) at which of them it stands
+    of_row: Int64Array  # (n,) at which of them it stands, -1 at none
     noise_A: float
+    current_A: Float64Array  # (n,) in force from each row on: its level, as it was read at none
 
     @property
-    def current_A(self) -> Float64Array:
-        """The current (n,) in force from each row on."""
-        return self.level_A[self.of_row]
+    def rows(self) -> Int64Array:
+        """How many rows stand at each (m,)."""
+        return np.bincount(self.of_row[self.of_row >= 0], minlength=self.level_A.size)
 
 
 def levels_of(current_A: Float64Array, segment: Int64Array) -> Levels | None:
@@ -70,8 +80,66 @@ def levels_of(current_A: Float64Array, segment: Int64Array) -> Levels | None:
         return None
     level = _shared(mean, rows, long, noise_A)
     level_A, of_stretch = np.unique(level, return_inverse=True)
-    levels = Levels(level_A, of_stretch[stretch], noise_A)
+    levels = Levels(level_A, of_stretch[stretch], noise_A, level_A[of_stretch[stretch]])
     return levels if float(np.std(current_A - levels.current_A)) <= _NO_MORE * noise_A else None
+
+
+def limits_of(current_A: Float64Array, segment: Int64Array) -> Levels | None:
+    """The limits that a regulated current (n,) is held at for a while; None where it has no noise there, or no limit.
+
+    A limit is where runs of rows are piled up, with none beyond, and scatter about it as from row to row.
+    """
+    if current_A.size < _RUN + _FEWEST:
+        return None
+    sums, squares = (np.concatenate(([0.0], np.cumsum(values))) for values in (current_A, current_A**2))
+    mean = (sums[_RUN:] - sums[:-_RUN]) / _RUN
+    variance = np.maximum((squares[_RUN:] - squares[:-_RUN]) / _RUN - mean**2, 0.0) * _RUN / (_RUN - 1)
+    whole = segment[_RUN - 1 :] == segment[: current_A.size - _RUN + 1]
+    of_row = np.full(current_A.size, -1, dtype=np.int64)
+    levels: list[float] = []
+    errors: list[Float64Array] = []
+    for sign in (-1.0, 1.0):
+        found = _limit(sign * mean[whole], variance[whole])
+        if found is None:
+            continue
+        level, noise_A = sign * found[0], found[1]
+        near = np.abs(current_A - level) < _SAME_LEVEL * noise_A * math.sqrt(2.0)
+        runs = whole & (np.abs(mean - level) < _SAME_LEVEL * noise_A / math.sqrt(_RUN))
+        runs &= np.convolve(near, np.ones(_RUN), "valid") > _RUN - 0.5
+        begun = np.concatenate((runs, np.zeros(_RUN - 1, dtype=bool)))
+        at = np.convolve(begun, np.ones(_RUN))[: current_A.size] > 0.5
+        between = at[1:] & at[:-1]
+        from_row_to_row = float(np.std(np.diff(current_A)[between])) / math.sqrt(2.0) if between.any() else 0.0
+        off = current_A[at] - np.mean(current_A[at]) if at.any() else np.zeros(1)
+        if 0.0 < float(np.std(off)) <= _NO_MORE * from_row_to_row:
+            of_row[at] = len(levels)
+            levels.append(float(np.mean(current_A[at])))
+            errors.append(off)
+    if not levels or np.mean(of_row >= 0) < _LIMITED:
+        return None
+    level_A = np.array(levels)
+    return Levels(
+        level_A, of_row, float(np.std(np.concatenate(errors))), np.where(of_row >= 0, level_A[of_row], current_A)
+    )
+
+
+def _limit(mean: Float64Array, variance: Float64Array) -> tuple[float, float] | None:
+    """Where runs (m,) of a current are piled up at its largest, and the noise there [A]; None: nowhere."""
+    if mean.size < _FEWEST:
+        return None
+    highest = np.argsort(-mean)[: max(_FEWEST, round(_HIGHEST * mean.size))]
+    level, noise = float(np.median(mean[highest])), math.sqrt(float(np.median(variance[highest])))
+    room = 0.0
+    for _ in range(_TURNS):
+        room = _SAME_LEVEL * noise / math.sqrt(_RUN)
+        at = np.abs(mean - level) < room
+        if at.sum() < _FEWEST or not noise > 0.0:
+            return None
+        level, noise = float(np.median(mean[at])), math.sqrt(float(np.median(variance[at])))
+    at, below = np.abs(mean - level) < room, np.abs(mean - level + 2.0 * room) < room
+    if np.mean(mean > level + 2.0 * room) > _BEYOND or at.sum() < _PILED * below.sum():
+        return None
+    return level, noise
 
 
 def _begins(current_A: Float64Array, segments: Int64Array, noise_A: float) -> Int64Array:
@@ -127,15 +195,21 @@ def at_levels(base: Fit, levels: Levels, delay_s: Float64Array) -> Fit:
     at = read_with(base, levels.current_A, delay_s)
     if delay_s.any() or levels.level_A.size > _MOST_OPEN:
         return at
-    rows = np.bincount(levels.of_row, minlength=levels.level_A.size)
-    moves = at.model.parameters.motor_gain * levels.noise_A / np.sqrt(rows)
-    record = replace(at.problem.record, levels=CurrentLevels(levels.of_row, moves))
+    gain = at.model.parameters.motor_gain
+    shared = CurrentLevels(levels.of_row, gain * levels.noise_A / np.sqrt(levels.rows), gain * levels.noise_A)
+    record = replace(at.problem.record, levels=shared)
     return fit_model(at.problem._replace(record=record), Start(at.model, at.trajectory, at.noise))
 
 
 def said_of(levels: Levels, gain: float, *, in_rpm: bool) -> str:
     """A sentence on a current that was taken at its levels; gain: in log-likelihood."""
     size = f"{number_text(1e3 * levels.noise_A, 2)} mA" if in_rpm else f"{number_text(levels.noise_A, 2)} A (or N, V)"
+    if (levels.of_row < 0).any():
+        limits = " and ".join(f"{number_text(level, 3)} A" for level in levels.level_A)
+        return (
+            f"the logged current has a noise of its own, {size}: where the drive stands at its limit ({limits}) it was "
+            "taken at that, and elsewhere the noise for a torque noise that is known"
+        )
     return (
         f"the logged current has a noise of its own, {size}, around levels that the machine follows better than the "
         f"readings (by {gain:.0f} in log-likelihood): it was taken at its levels"

@@ -13,7 +13,7 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.checking.choices import SplitKind
 from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, is_logged, with_conditions
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, said_of
+from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, limits_of, said_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Split, reversals, split_record
 from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
@@ -162,7 +162,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     record = Record.of(course, everything, setup.constants, work, log_of, torque_noise)
     base = robust_fit(record, start, setup.prior, noise, paths)
     base = with_later_break_away(likelier_along_filter(base, base, base.model))
-    levels = levels_of(current, course.segment)
+    levels = levels_of(current, course.segment) or limits_of(current, course.segment)
     if levels is not None:
         fit = at_levels(base, levels, delay)
         gain = fit.likelihood.value - base.likelihood.value
