@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.hypotheses.temperature_lag import with_likely_lag
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.high_rate import thoroughly_investigated
 from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
+from rw_ekf.diagnosis.investigate.sampled_loop import said_of_sampled_loop
 from rw_ekf.diagnosis.investigate.sigmas import with_known_lag
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
@@ -89,7 +90,7 @@ def _diagnosed(
         aside = model.without(model.effects.laws)
         found = _investigated(prepare(source, configuration, aside, split), advance)
     assert found is not None
-    found = _with_said_first(found, said_of_late_rows(found))
+    found = _with_said_first(found, said_of_sampled_loop(found) or said_of_late_rows(found))
     advance("judging on the held-out part")
     told = conclude(found, advance)
     if len(logs) > 1 or logs[0].whole is None:

@@ -4,7 +4,8 @@ Read as it stands such a log has every command a row late, so that the machine m
 lag and a mean over a window are late the other way. So the base model is fitted to the record read either way. Of 162
 simulated logs that are read as they should be none gains more than 4.6 in log-likelihood by the other reading; of 34
 that are a row late half gain more than 80. A machine that the base model does not describe may gain by it as by
-anything else: it counts where it is worth more than all that was found.
+anything else: it counts where it is worth more than all that was found. Half a row is what the current of a moment
+leaves as well, where a controller that is faster than the log goes on (`sampled_loop.py`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.logs.row_rules import from_next_row
 
 _EARLIER = {1.0: "before each row", 0.5: "from half a row earlier on"}  # by shares of a row
+_OR_MEAN = "; if a controller that is faster than the log goes on between rows, log the mean of its current over them"
 
 
 def said_of_late_rows(found: Found) -> str:
@@ -40,7 +42,8 @@ def said_of_late_rows(found: Found) -> str:
     return (
         f"The log's current seems to stand a row late: as what was in force {_EARLIER[by]} the model alone explains it "
         f"better by {gains[by]:.0f} in log-likelihood, more than all that was found. If the logger writes what it has "
-        "just done, say `current_before: true` in the column map and diagnose again. As it was read: "
+        f"just done, say `current_before: true` in the column map{_OR_MEAN if by < 1.0 else ''}; and diagnose again. "
+        "As it was read: "
     )
 
 
