@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 import rw_ekf
-from rw_ekf.diagnosis.investigate.late_rows import read_earlier
+from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.investigate.late_rows import read_earlier, said_of_late_rows
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.log_simulation import simulate
@@ -52,6 +55,19 @@ def test_one_that_is_a_row_late_gains_much() -> None:
     """The same wheel, its current moved by a row."""
     log = simulate("P2", seed=4, duration_s=300.0)
     assert gained(replace(log, current_A=np.append(log.current_A[:1], log.current_A[:-1]))) > 50.0
+
+
+@pytest.mark.parametrize(("numbers", "told"), [(1, False), (9, True)])
+def test_what_was_found_pays_for_its_numbers(numbers: int, told: bool) -> None:
+    """A likelihood that is larger by 20 than that of the other reading: a law's single number is, nine are not."""
+    log = simulate("P2", seed=4, duration_s=300.0)
+    prepared = prepare(source_of([replace(log, current_A=np.append(log.current_A[:1], log.current_A[:-1]))]),
+                       None, None, "blocks")  # fmt: skip
+    fit = SimpleNamespace(
+        likelihood=SimpleNamespace(value=read_earlier(prepared).likelihood.value + 20.0),
+        model=SimpleNamespace(vector=np.zeros(prepared.base.model.vector.size + numbers)),
+    )
+    assert bool(said_of_late_rows(cast("Found", SimpleNamespace(prepared=prepared, fit=fit)))) is told
 
 
 def test_one_whose_readings_are_means_over_the_row_gains_by_half_a_row() -> None:

@@ -4,7 +4,8 @@ Read as it stands such a log has every command a row late, so that the machine m
 lag and a mean over a window are late the other way. So the base model is fitted to the record read either way. Of 162
 simulated logs that are read as they should be none gains more than 4.6 in log-likelihood by the other reading; of 34
 that are a row late half gain more than 80. A machine that the base model does not describe may gain by it as by
-anything else: it counts where it is worth more than all that was found. Half a row is what the current of a moment
+anything else: it counts where it is worth more than all that was found, each number of which costs what it does in BIC
+[Schwarz 1978]: another reading of the log has none. Half a row is what the current of a moment
 leaves as well, where a controller that is faster than the log goes on (`sampled_loop.py`).
 """
 
@@ -35,7 +36,9 @@ def said_of_late_rows(found: Found) -> str:
     if prepared.source.log.command_delay_s.any():  # who logs these knows when a command takes force
         return ""
     gains = {by: read_earlier(prepared, by).likelihood.value - prepared.base.likelihood.value for by in _EARLIER}
-    explained = found.fit.likelihood.value - prepared.base.likelihood.value
+    numbers = found.fit.model.vector.size - prepared.base.model.vector.size
+    readings = int(np.count_nonzero(np.isfinite(prepared.record.course.speed_rad_s)))
+    explained = found.fit.likelihood.value - prepared.base.likelihood.value - 0.5 * numbers * math.log(readings)
     by = max(gains, key=lambda by: gains[by])
     if gains[by] < max(explained, -math.log(UNDOUBTED_P)):
         return ""
