@@ -133,6 +133,23 @@ def test_levels_that_are_met_again_are_known_as_well_as_all_their_rows_say() -> 
     assert np.abs(found.current_A - true).max() < 0.001
 
 
+def test_rows_on_their_way_between_levels_are_at_none() -> None:
+    """Two levels, and from one to the other in three rows: these stay as they were read, and are no levels themselves.
+
+    Each was one, known for certain; more than 24 let no level's error be integrated out, and a healthy wheel that a
+    controller keeps at its limits had viscous friction that differs by direction, by 6.8 sigma.
+    """
+    rng = np.random.default_rng(8)
+    true = np.tile(np.concatenate((np.full(40, 0.2), [0.11, 0.02, -0.07], np.full(40, -0.2), [-0.1, 0.03, 0.12])), 40)
+    on_the_way = np.abs(true) < 0.15
+    read = true + rng.normal(0.0, 0.003, true.size)
+    found = levels_of(read, np.zeros(true.size, dtype=np.int64))
+    assert found is not None
+    assert found.level_A == pytest.approx([-0.2, 0.2], abs=0.001)
+    assert np.array_equal(found.of_row < 0, on_the_way)
+    assert np.array_equal(found.current_A[on_the_way], read[on_the_way])
+
+
 @pytest.mark.parametrize(
     "shape",
     [

@@ -79,8 +79,10 @@ def levels_of(current_A: Float64Array, segment: Int64Array) -> Levels | None:
     if small.sum() > _FEW * rows.size:
         return None
     level = _shared(mean, rows, long, noise_A)
-    level_A, of_stretch = np.unique(level, return_inverse=True)
-    levels = Levels(level_A, of_stretch[stretch], noise_A, level_A[of_stretch[stretch]])
+    level_A = np.unique(level[long])  # what a short stretch has for itself is no level, and as unsure as its rows
+    place = np.minimum(np.searchsorted(level_A, level), level_A.size - 1)
+    of_row = np.where(level_A[place] == level, place, -1)[stretch]
+    levels = Levels(level_A, of_row, noise_A, np.where(of_row >= 0, level_A[of_row], current_A))
     return levels if float(np.std(current_A - levels.current_A)) <= _NO_MORE * noise_A else None
 
 
@@ -204,7 +206,7 @@ def at_levels(base: Fit, levels: Levels, delay_s: Float64Array) -> Fit:
 def said_of(levels: Levels, gain: float, *, in_rpm: bool) -> str:
     """A sentence on a current that was taken at its levels; gain: in log-likelihood."""
     size = f"{number_text(1e3 * levels.noise_A, 2)} mA" if in_rpm else f"{number_text(levels.noise_A, 2)} A (or N, V)"
-    if (levels.of_row < 0).any():
+    if np.mean(levels.of_row >= 0) < _MOSTLY:
         limits = " and ".join(f"{number_text(level, 3)} A" for level in levels.level_A)
         return (
             f"the logged current has a noise of its own, {size}: where the drive stands at its limit ({limits}) it was "
