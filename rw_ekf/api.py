@@ -101,8 +101,8 @@ def guess_columns(source: Any, columns: str | Path | ColumnMap | None = None, **
     answers: `current=3`, `speed="n:rpm"`, or of a part, with two underscores, `current__unit="mA"`. columns: a map that
     says only how the file is laid out. Raises Error.
     """
-    told = {name.replace("__", "."): "none" if value is None else str(value) for name, value in answers.items()}
-    return guessed_columns(source, told, columns)
+    reported = {name.replace("__", "."): "none" if value is None else str(value) for name, value in answers.items()}
+    return guessed_columns(source, reported, columns)
 
 
 simulate = _undisturbed()(simulated)
@@ -161,7 +161,7 @@ def diagnose(
     formulas = [] if effect_file is None else read_effect_file(path_of(effect_file, "an effect file"), CATALOGUE_IDS)
     given = _configuration(configuration)
     own = [effect_of(formula) for formula in formulas]
-    with _told(progress, "diagnose") as tell:
+    with _reported(progress, "diagnose") as tell:
         held = [read_log_or_excerpt(log) if isinstance(log, str | PathLike) else _log(log) for log in _several(logs)]
         return diagnose_log(held, given, _model(model, given), split=split, advance=tell, own=own)
 
@@ -186,7 +186,7 @@ def bench(
     """
     held = _model(model)
     setting = scenario_of(scenario, held, effects)
-    with _told(progress, "bench") as tell:
+    with _reported(progress, "bench") as tell:
         return hold_bench(
             schemes_of(schemes), setting, held, seeds, with_robustness=robustness, with_spikes=spikes,
             advance=lambda of: tell(f"{of} runs"),
@@ -272,11 +272,11 @@ class Estimator:
         if unknown is not None:
             raise Error(f"step: unknown condition {unknown}; {suggestion(unknown, _CONDITIONS)}")
         time_s, current_A = _finite("time_s", time_s), _finite("current_A", current_A)
-        told = {name: _finite_or_none(name, value) for name, value in conditions.items()}
-        segment = told.pop("segment", 0)
+        reported = {name: _finite_or_none(name, value) for name, value in conditions.items()}
+        segment = reported.pop("segment", 0)
         if segment is None or segment % 1:
             raise Error(f"step: segment is {conditions['segment']!r}: a whole number is wanted")
-        sample = WheelSample(time_s, _finite_or_none("speed_rad_s", speed_rad_s), **told, segment=int(segment))  # type: ignore[arg-type]
+        sample = WheelSample(time_s, _finite_or_none("speed_rad_s", speed_rad_s), **reported, segment=int(segment))  # type: ignore[arg-type]
         estimate = self._filter.step(sample)
         self._filter.command_issued(IssuedCommand(current_A))
         return estimate
@@ -304,7 +304,7 @@ def _finite_or_none(name: str, value: Any) -> float | None:
 
 
 @contextmanager
-def _told(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
+def _reported(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
     """Who is told of each step in words. Raises Error for what cannot be told."""
     if callable(progress):
         yield progress

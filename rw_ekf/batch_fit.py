@@ -135,8 +135,8 @@ class Fit(Shown):
         lines = [f"  {item.name:<10}  {item.text()}" for item in self.reports]
         lines += effects_text(effects_document(setup.effects, self.belief))
         if setup.inertia_kg_m2 is not None:
-            told = torques_text(core.parameters, core.parameter_std, setup.inertia_kg_m2, setup.inertia_from)
-            lines.append(f"  {told}")
+            reported = torques_text(core.parameters, core.parameter_std, setup.inertia_kg_m2, setup.inertia_from)
+            lines.append(f"  {reported}")
         if "residual_rms_rpm" in self.quality:
             of = self.quality
             lines.append(
@@ -179,7 +179,7 @@ def fit_record(
     if readings < _LEAST_READINGS:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     described = configuration is not None or prior is not None
-    odd, asked = misreadings_and_questions(log, described=described)
+    odd, wanted = misreadings_and_questions(log, described=described)
     course, colour = independent_readings(course)
     setup = with_stribeck_speeds(course, setup_of_record(course, configuration, prior))
     if prior is not None and prior.effects.terms:
@@ -187,18 +187,18 @@ def fit_record(
         course = with_conditions(with_warmth_of_record(log, course, setup))
     if prior is not None and configuration is None and method == "least-squares":
         setup = as_of_another_record(course, setup)
-    belief, noises, quality, said = _fit(method, course, log, setup, advance)
+    belief, noises, quality, stated = _fit(method, course, log, setup, advance)
     points = OperatingPoints.of_course(
         course, setup.prior.parameters, setup.constants.stribeck.omega_s, np.isfinite(course.speed_rad_s)
     )
     warnings = [
-        *warnings_of(odd, asked),
+        *warnings_of(odd, wanted),
         *sampling.remarks(),
         *log.warnings,
         *([] if colour is None else [colour.sentence]),
         *of_lost_temperature(log.time_s, log.channels.get("temperature_degC"), setup.effects),
         *setup.notes,
-        *said,
+        *stated,
         *ignored,
     ]
     source = {"method": method, "log": Path(log.name).name, "samples": len(log), "record": record}
@@ -227,9 +227,9 @@ def _fit(
 ) -> tuple[Any, NoisePosterior, dict[str, Any], list[str]]:
     """Belief, noises, what is worth knowing of how it was reached, warnings."""
     if method == "deterministic":
-        belief, quality, said = _deterministic(course, log, setup)
+        belief, quality, stated = _deterministic(course, log, setup)
         noises = fit_log(course, setup.constants, setup.prior.core, belief.parameters, advance=advance).noises
-        return belief, noises, quality, said
+        return belief, noises, quality, stated
     return _least_squares(course, log, setup, advance)
 
 
@@ -237,13 +237,13 @@ def _deterministic(course: Course, log: WheelLog, setup: FilterSetup) -> tuple[B
     noise = math.sqrt(setup.constants.speed_variance)
     found = deterministic(course, log.current_A, setup.constants.stribeck.omega_s, noise, setup.prior)
     quality = {"coast_down_s": found.coast_down_s, "driven_s": found.driven_s, "break_aways": found.break_aways}
-    said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
+    stated = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
     if found.driven_s == 0.0:
-        said.append("no stretch of this log is driven: the motor gain keeps its prior")
+        stated.append("no stretch of this log is driven: the motor gain keeps its prior")
     belief = Belief.of_known(
         found.parameters, np.diag(np.square(found.std)), speed_variance=setup.constants.speed_variance
     )
-    return belief, quality, said
+    return belief, quality, stated
 
 
 def _least_squares(
@@ -269,18 +269,18 @@ def _least_squares(
         "starts": free_run.starts,
         "outliers": max(free_run.outliers, found.left_out),
     }
-    said = [] if found.converged else ["the iteration did not converge: believe the values with care"]
+    stated = [] if found.converged else ["the iteration did not converge: believe the values with care"]
     judged = consistency_of_fit(found, setup.constants)
     if judged.is_noise is False:
-        said += judged.warnings()
+        stated += judged.warnings()
     size = setup.effects.table().size
     belief = Belief.of_known(
         (*found.parameters, *found.effects.values), covariance, size, speed_variance=setup.constants.speed_variance
     )
     noises = _without_reading_effects(found.noises, setup)
-    told = replace(setup, constants=setup.constants.with_speed_noise(noises.speed_noise_rad_s))
-    belief = belief_of_fit(course, told, belief, noises.acceleration_noise_quantiles.tolist())
-    return belief, noises, quality, said
+    reported = replace(setup, constants=setup.constants.with_speed_noise(noises.speed_noise_rad_s))
+    belief = belief_of_fit(course, reported, belief, noises.acceleration_noise_quantiles.tolist())
+    return belief, noises, quality, stated
 
 
 def _without_reading_effects(noises: NoisePosterior, setup: FilterSetup) -> NoisePosterior:

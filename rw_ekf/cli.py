@@ -129,8 +129,8 @@ def _main(arguments: Sequence[str] | None) -> int:
         abandon_output()  # its reader has gone (`| head`); leave without Python's complaint at exit
         return 1
     except OSError as error:
-        said = f"{error.filename or 'standard output'}: {error.strerror or error}"
-        return _fail("system", [said], 1, as_json=as_json)
+        stated = f"{error.filename or 'standard output'}: {error.strerror or error}"
+        return _fail("system", [stated], 1, as_json=as_json)
     except KeyboardInterrupt:
         return _fail("interrupted", ["interrupted"], 130, as_json=as_json)
     except MemoryError:

@@ -70,8 +70,8 @@ def _parameters_document(belief: Belief) -> dict[str, dict[str, float]]:
 
 def as_it_went_text(entry: Mapping[str, Any]) -> str:
     """A line on what the rows and the picture end with, where the numbers above it are of the whole log."""
-    told = [f"{name} {plus_minus(item['value'], item['std'])}" for name, item in entry["as_it_went"].items()]
-    ends = ", ".join(told)
+    reported = [f"{name} {plus_minus(item['value'], item['std'])}" for name, item in entry["as_it_went"].items()]
+    ends = ", ".join(reported)
     return f"  these are in hindsight, of the whole log; its rows are the filter's as it went, and end with {ends}"
 
 

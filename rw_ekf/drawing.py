@@ -79,13 +79,13 @@ def _matplotlib() -> ModuleType:
     """Import matplotlib; one that does not know the backend asked for in MPLBACKEND would refuse to be imported."""
     if "matplotlib" in sys.modules:
         return sys.modules["matplotlib"]
-    asked = os.environ.pop("MPLBACKEND", None)
+    wanted = os.environ.pop("MPLBACKEND", None)
     try:
         import matplotlib as mpl
     finally:
-        if asked is not None:
-            os.environ["MPLBACKEND"] = asked
-    if asked is not None:
+        if wanted is not None:
+            os.environ["MPLBACKEND"] = wanted
+    if wanted is not None:
         with contextlib.suppress(ValueError):
-            mpl.rcParams["backend"] = asked  # whoever draws with pyplot in this process gets what they asked for
+            mpl.rcParams["backend"] = wanted  # whoever draws with pyplot in this process gets what they asked for
     return mpl

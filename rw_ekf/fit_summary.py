@@ -136,10 +136,10 @@ class FitSummary(Shown):
         width = max(map(len, self.numbers))
         lines = [f"{self.log}: {self.readings} readings, {self.fitted} numbers fitted"]
         for i, (name, (value, std, unit)) in enumerate(self.numbers.items()):
-            told = f"{plus_minus(value, std)} {unit}"
+            reported = f"{plus_minus(value, std)} {unit}"
             relative = f"{100.0 * std / abs(value):.2g} %" if value else "-"
             with_others = "  ".join(f"{self.correlation[i, j]:+.2f}" for j in range(i + 1))
-            lines.append(f"  {name:<{width}}  {told:<32}  {relative:>7}  {with_others}")
+            lines.append(f"  {name:<{width}}  {reported:<32}  {relative:>7}  {with_others}")
         free_run, one_step = map(_or_dash, (self.free_run_percent, self.one_step_percent))
         lines.append(f"  fit: free run {free_run} %, one step ahead {one_step} %")
         lines.append(f"  ln L {self.residual.log_likelihood:.1f}, AIC {self.aic:.1f}, BIC {self.bic:.1f}")

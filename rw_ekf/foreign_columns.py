@@ -51,12 +51,12 @@ class GuessedColumns(Shown):
             "log": self.log,
             "certain": self.is_certain,
             "map": self.guess.mapping(),
-            "columns": [_said(line) for line in self.guess.lines],
+            "columns": [_stated(line) for line in self.guess.lines],
             "questions": [
                 {
                     "name": item.name,
                     "text": item.text,
-                    "answers": [_said(answer) for answer in item.answers],
+                    "answers": [_stated(answer) for answer in item.answers],
                 }
                 for item in self.guess.questions
             ],
@@ -85,7 +85,7 @@ def doubted(log: WheelLog) -> WheelLog:
     return replace(log, warnings=(*log.warnings, *warnings_of(motion.misread), *unexplained(motion)))
 
 
-def _said(line: Line) -> dict[str, object]:
+def _stated(line: Line) -> dict[str, object]:
     return {"name": line.name, "from": line.entry, "why": line.why}
 
 
@@ -105,10 +105,10 @@ def guessed_columns(source: Any, answers: Mapping[str, str], given: ColumnMap | 
     try:
         log = log_of_table(table, map_of_guess(guess, str(path)))
         motion = motion_of(log)
-        doubts, asked = motion.misread or unexplained(motion), motion.asked
+        doubts, wanted = motion.misread or unexplained(motion), motion.wanted
     except RwEkfError as error:
-        doubts, asked = (str(error),), ()
+        doubts, wanted = (str(error),), ()
     if guess.says_units:  # then a machine may be of any size
-        guess.notes.extend(asked)
-        asked = ()
-    return GuessedColumns(str(path), guess, (*doubts, *asked), warnings)
+        guess.notes.extend(wanted)
+        wanted = ()
+    return GuessedColumns(str(path), guess, (*doubts, *wanted), warnings)

@@ -196,7 +196,7 @@ def replay_log(
     warnings = [
         *odd,
         *of_lost_temperature(log.time_s, log.channels.get("temperature_degC"), setup.effects),
-        *told_of_log(log, sampling, model, again, colour),
+        *replay_of_log_reported(log, sampling, model, again, colour),
         *setup.notes,
         *sums.remarks(driven=bool(np.any(log.current_A != 0.0))),
         *consistency.warnings(),
@@ -209,7 +209,7 @@ def replay_log(
     )  # fmt: skip
 
 
-def told_of_log(
+def replay_of_log_reported(
     log: WheelLog | LongLog,
     sampling: Sampling,
     model: WheelModel | None,
@@ -251,18 +251,18 @@ def setup_of_run(log: Path) -> FilterSetup:
         raise LogError(f"{log}: has no {metadata_path(log).name} beside it, which says how its run started")
     configuration = configuration_of(metadata.configuration, metadata_path(log))
     remark = changed(metadata_path(log))
-    said = () if remark is None else (remark,)
+    stated = () if remark is None else (remark,)
     if start_path(log).is_file():
         start = read_model(start_path(log))
         setup = setup_of_start(configuration, start)
-        return replace(setup, notes=(*said, *start.remarks, *setup.notes))
+        return replace(setup, notes=(*stated, *start.remarks, *setup.notes))
     named = configuration.filter.model
     if named is None:
         setup = setup_of_configuration(configuration, None)
     else:
         model = carried_over(read_model(Path(named)))[0]
-        setup, said = setup_of_configuration(configuration, model), (*said, *model.remarks)
-    return replace(setup, notes=(*said, *setup.notes))
+        setup, stated = setup_of_configuration(configuration, model), (*stated, *model.remarks)
+    return replace(setup, notes=(*stated, *setup.notes))
 
 
 def refuse_runaway_model(log: str, course: Course, setup: FilterSetup, model: WheelModel) -> None:

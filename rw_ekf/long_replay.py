@@ -25,7 +25,7 @@ from rw_ekf.hindsight import CLEARLY, hindsight_of_part, with_stribeck_speeds
 from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import NoiseColour, independent_readings
 from rw_ekf.identify.record_scale import most_moved
-from rw_ekf.log_replay import Run, blaming, columns_of_run, teller_of_noise, told_of_log
+from rw_ekf.log_replay import Run, blaming, columns_of_run, replay_of_log_reported, teller_of_noise
 from rw_ekf.logs.in_parts import UnsoundError
 from rw_ekf.logs.long_log import LogPart, LongLog
 from rw_ekf.logs.record_print import made_of
@@ -80,7 +80,7 @@ def replay_long(
     sums = whole.sums
     warnings = [
         *warnings_of(*misreadings_and_questions(parts.busiest, described=described)),
-        *told_of_log(log, parts.sampling, model, again, colour),
+        *replay_of_log_reported(log, parts.sampling, model, again, colour),
         *used.notes,
         *sums.remarks(driven=parts.driven),
         *consistency.warnings(),

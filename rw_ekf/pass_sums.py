@@ -73,13 +73,13 @@ class PassSums:
 
     def remarks(self, *, driven: bool) -> list[str]:
         """What a reader of the estimates must know of the readings that they come from, and of the filter's resets."""
-        said = []
+        stated = []
         present = self.statistics.samples - self.statistics.missing
         if present < _FEW_SAMPLES:
-            said.append(f"only {present} speed readings: the estimates are little more than the prior")
+            stated.append(f"only {present} speed readings: the estimates are little more than the prior")
         refused = self.statistics.gate_finding(self.gate)
         if refused is not None:
-            said.append(refused)
+            stated.append(refused)
         if not driven:
-            said.append("the current is zero throughout: the motor gain cannot be learned from this log")
-        return [*said, *self.beyond.sentences(), *findings(self.troubles)]
+            stated.append("the current is zero throughout: the motor gain cannot be learned from this log")
+        return [*stated, *self.beyond.sentences(), *findings(self.troubles)]

@@ -340,11 +340,11 @@ def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     names = [*PARAMETER_NAMES, *setup.effects.state_names]
     worst = int(np.argmax(np.abs(off) / size))
     own = plus_minus(float(free.mean[known][worst]), math.sqrt(float(free.covariance[known, known][worst, worst])))
-    told = plus_minus(
+    reported = plus_minus(
         float(setup.prior.mean[known][worst]), math.sqrt(float(setup.prior.covariance[known, known][worst, worst]))
     )
     note = (
-        f"this log and the model given contradict each other ({names[worst]} {own} by the log alone, {told} in the "
+        f"this log and the model given contradict each other ({names[worst]} {own} by the log alone, {reported} in the "
         f"model): the wheel was another then, or its law is not quite the model's; the model counts for less here, and "
         "`rw-ekf diagnose LOG --model F` asks what changed"
     )

@@ -278,14 +278,14 @@ def model_of(
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
     covariance = _with_considered(setup, belief.known(setup.effects.size)[1])
     known, stds = STATE_SIZE + setup.effects.size, np.sqrt(np.diag(covariance))
-    told = setup.constants if noise is None else noise
+    reported = setup.constants if noise is None else noise
     return WheelModel(
         parameters=belief.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in covariance),
         stribeck_speed_rad_s=setup.constants.stribeck.omega_s,
         stribeck_law=LAW_NAMES[setup.constants.stribeck.law],
-        speed_noise_rad_s=told.speed_noise_rad_s,
-        acceleration_noise=told.acceleration_noise,
+        speed_noise_rad_s=reported.speed_noise_rad_s,
+        acceleration_noise=reported.acceleration_noise,
         dry_walk=math.sqrt(setup.constants.dry_walk) or None,
         inertia_kg_m2=setup.inertia_kg_m2,
         inertia_is_assumed=setup.inertia_from == ASSUMED,
@@ -317,8 +317,8 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
 
     found = noise_of_record(course, scale.constants, scale.prior, guessed_stribeck=True)
     if found is None:
-        said = note_of_foreign_machine(course, scale.rough, scale.constants)
-        return FilterSetup(scale.constants, scale.prior, None, (said,))
+        stated = note_of_foreign_machine(course, scale.rough, scale.constants)
+        return FilterSetup(scale.constants, scale.prior, None, (stated,))
     constants = filter_constants(
         found.stribeck_speed_rad_s,
         speed_noise_rad_s=found.speed_noise_rad_s,
@@ -326,9 +326,9 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
         scale=found.fit.parameters,
         nominal_period_s=period,
     )
-    said = note_of_foreign_machine(course, found.fit.parameters, constants)
+    stated = note_of_foreign_machine(course, found.fit.parameters, constants)
     spread = found.stribeck_speed_std
-    return FilterSetup(constants, scale.prior, None, (said,), fit_of_record=found.fit, stribeck_speed_std=spread)
+    return FilterSetup(constants, scale.prior, None, (stated,), fit_of_record=found.fit, stribeck_speed_std=spread)
 
 
 def note_of_foreign_machine(course: Course, parameters: FrictionParameters, constants: FilterConstants) -> str:

@@ -51,8 +51,8 @@ def check_document(document: dict[str, Any]) -> None:
     """A document has the keys that the contract shows for its schema, at every depth."""
     shown = examples(document["schema"])
     assert shown, f"{document['schema']} is not in the contract"
-    said = [strangers(document, example) for example in shown]
-    assert [] in said, said
+    stated = [strangers(document, example) for example in shown]
+    assert [] in stated, stated
 
 
 def strangers(found: Any, example: Any, at: str = "") -> list[str]:

@@ -101,20 +101,20 @@ def _rotor(rng: np.random.Generator, compensated: bool) -> list[tuple[float, Flo
     segments = []
     angle, speed = 0.0, 0.0
     for i in range(SEGMENTS):
-        asked = 2.4 * (i // 2) / (SEGMENTS // 2 - 1) * (-1.0) ** i
+        wanted = 2.4 * (i // 2) / (SEGMENTS // 2 - 1) * (-1.0) ** i
         time_s = np.cumsum(rng.uniform(0.9, 1.1, SEGMENT_ROWS)) / 1300.0
         counts, currents = np.empty(SEGMENT_ROWS), np.empty(SEGMENT_ROWS)
         last_s = 0.0
         for row, now_s in enumerate(time_s.tolist()):
             cogging = COGGING_A * math.sin(COGGING_ORDER * angle)
-            current = (asked if row >= ROWS_AT_REST else 0.0) + (cogging if compensated else 0.0)
+            current = (wanted if row >= ROWS_AT_REST else 0.0) + (cogging if compensated else 0.0)
             step_s = now_s - last_s
             half = speed + 0.5 * step_s * _rotor_acceleration(angle, speed, current)
             angle += step_s * half
             speed += step_s * _rotor_acceleration(angle - 0.5 * step_s * half, half, current)
             last_s = now_s
             counts[row], currents[row] = math.floor(angle * COUNTS / (2.0 * math.pi)), current
-        segments.append((asked, time_s, counts, currents + 0.03 * rng.standard_normal(SEGMENT_ROWS)))
+        segments.append((wanted, time_s, counts, currents + 0.03 * rng.standard_normal(SEGMENT_ROWS)))
     return segments
 
 

@@ -306,10 +306,10 @@ def test_what_is_loaded_needs_no_printer() -> None:
         "import sys; from rw_ekf.compile_ahead import DIAGNOSIS, compile_all; compile_all(DIAGNOSIS);"
         "print(sorted({'rw_ekf.c_code.c_program', 'rw_ekf.c_code.c_kernel', 'numba'} & set(sys.modules)))"
     )
-    told = ""
+    reported = ""
     for _ in range(2):  # the first has to compile
-        told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert told.strip() == "[]"
+        reported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert reported.strip() == "[]"
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ def test_no_verb_lets_a_name_act_on_the_terminal(tmp_path: Path) -> None:
     rows = "".join(f"{0.1 * i:.1f},{100 + i % 7},0.1,0\n" for i in range(200))
     log.write_text(f'time_s,speed_rpm,current_A,"{EVIL.strip()}"\n{rows}', encoding="utf-8", newline="\n")
     config = write_config(tmp_path, f"/nowhere/{EVIL}")
-    for asked in (
+    for wanted in (
         ("replay", str(log)),
         ("export", str(log), str(tmp_path / f"{EVIL}out.csv")),
         ("replay", str(log), "--columns", EVIL),
@@ -48,9 +48,9 @@ def test_no_verb_lets_a_name_act_on_the_terminal(tmp_path: Path) -> None:
         ("spikes", str(tmp_path / EVIL)),
         (EVIL,),
     ):
-        done = rw_ekf(*asked)
+        done = rw_ekf(*wanted)
         assert done.stdout + done.stderr
-        assert acts(done.stdout + done.stderr) == set(), asked
+        assert acts(done.stdout + done.stderr) == set(), wanted
         assert "Traceback" not in done.stderr
 
 

@@ -58,8 +58,8 @@ def test_a_picture_that_cannot_be_drawn_costs_the_picture_alone(tmp_path: Path) 
     options = ("--out", str(out), "--picture", str(tmp_path / "run.png"), "--json")
     done = rw_ekf("replay", str(log), *options, env=env)
     assert done.returncode == 1
-    said, sentence = done.stderr.splitlines()  # the first is matplotlib's own, and names the file
-    assert str(tmp_path / "matplotlibrc") in said
+    stated, sentence = done.stderr.splitlines()  # the first is matplotlib's own, and names the file
+    assert str(tmp_path / "matplotlibrc") in stated
     assert sentence.startswith("rw-ekf: error: the picture cannot be drawn (UnicodeDecodeError")
     assert document_of(done.stdout)["logs"][0]["samples"] == 300
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "matplotlibrc", "rows.csv"]

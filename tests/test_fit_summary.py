@@ -57,9 +57,9 @@ def test_the_correlation_is_that_of_many_fits() -> None:
     i, j = names.index("viscous"), names.index("coulomb")
     values = np.array([[summary.numbers[name][0] for name in names] for summary in summaries])
     seen = float(np.corrcoef(values[:, i], values[:, j])[0, 1])
-    told = float(np.mean([summary.correlation[i, j] for summary in summaries]))
+    reported = float(np.mean([summary.correlation[i, j] for summary in summaries]))
     # Fisher: the inverse hyperbolic tangent of a correlation of thirty has a spread of 1 / sqrt(27).
-    assert math.atanh(seen) == pytest.approx(math.atanh(told), abs=3.0 / math.sqrt(27.0))
+    assert math.atanh(seen) == pytest.approx(math.atanh(reported), abs=3.0 / math.sqrt(27.0))
 
 
 def test_what_a_motion_does_not_tell_is_named_with_the_motion_that_would() -> None:

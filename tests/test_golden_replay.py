@@ -53,7 +53,7 @@ def difference(expected: Any, found: Any, place: str = "") -> str | None:
         return None if same else f"{place}: {expected!r} became {found!r}"
     else:
         return None if expected == found else f"{place}: {expected!r} became {found!r}"
-    return next((said for where, one, two in pairs if (said := difference(one, two, where))), None)
+    return next((stated for where, one, two in pairs if (stated := difference(one, two, where))), None)
 
 
 def without(document: Any, names: set[str]) -> Any:
@@ -82,8 +82,8 @@ def test_replay_says_what_it_always_said(
         GOLDEN.mkdir(exist_ok=True)
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
         pytest.skip(f"{path.name} was written anew: commit it alone, and say why")
-    said = difference(json.loads(path.read_text(encoding="utf-8")), found)
-    assert said is None, f"{path.name}: {said}"
+    stated = difference(json.loads(path.read_text(encoding="utf-8")), found)
+    assert stated is None, f"{path.name}: {stated}"
 
 
 def test_the_comparison_names_the_first_field_that_differs() -> None:

@@ -33,8 +33,8 @@ def test_a_rich_record_leaves_little_more_than_the_bound(torque_noise_rpm: float
         case = Case("identification", torque_noise_rpm, seed)
         run = run_of(case)
         course = course_of(run)
-        told = setup_of_record(course)
-        filtered, setup = run_of_log(course, told)
+        reported = setup_of_record(course)
+        filtered, setup = run_of_log(course, reported)
         found = belief_of_log(course, setup, filtered)
         ratio = found.std[PARAMETERS] / bound_of(case, run)
         assert not setup.constants.wanders
@@ -82,9 +82,9 @@ def test_friction_that_wanders_is_followed() -> None:
     wheel = PlantParameters(drift_wander_rad_s2=0.02 * 0.5863 / 60.0)
     run = simulate_run(wheel, current, time_s, PlantNoise(RAD_S_PER_RPM), seed=3)
     setup = setup_of_record(course_of(run))
-    filtered, told = run_of_log(course_of(run), setup)
-    assert told.constants.wanders
-    found = belief_of_log(course_of(run), told, filtered)
+    filtered, reported = run_of_log(course_of(run), setup)
+    assert reported.constants.wanders
+    found = belief_of_log(course_of(run), reported, filtered)
     np.testing.assert_allclose(found.std[PARAMETERS], np.sqrt(np.diag(filtered.covariance))[PARAMETERS], rtol=0.1)
 
 
@@ -123,9 +123,9 @@ def test_every_stribeck_speed_that_a_record_leaves_possible_has_its_say() -> Non
         wheel, course = cubesat_log(seed)
         setup = with_stribeck_speeds(course, setup_of_record(course))
         assert sum(h.probability for h in setup.stribeck_hypotheses) == pytest.approx(1.0)
-        filtered, told = run_of_log(course, setup)
+        filtered, reported = run_of_log(course, setup)
         fitted = max(setup.stribeck_hypotheses).fitted
-        for found in (belief_of_log(course, told, filtered), belief_of_fit(course, setup, fitted, [0.0])):
+        for found in (belief_of_log(course, reported, filtered), belief_of_fit(course, setup, fitted, [0.0])):
             off = found.mean[PARAMETERS] - np.array([wheel.motor_gain, wheel.viscous, wheel.coulomb, wheel.static])
             worst.append(float(np.max(np.abs(off) / found.std[PARAMETERS])))
     assert max(worst) < 3.5, worst
@@ -139,9 +139,9 @@ def test_a_first_pass_that_lost_its_way_is_no_wheel_that_ages() -> None:
     wheel = PlantParameters(motor_gain=150.0, viscous=0.02, coulomb=5.0, static=5.6, stribeck_speed_rad_s=0.5)
     course = course_of(simulate_run(wheel, current, time_s, PlantNoise(0.2), seed=1))
     setup = with_stribeck_speeds(course, setup_of_record(course))
-    filtered, told = run_of_log(course, setup)
-    assert not told.constants.wanders
-    found = belief_of_log(course, told, filtered)
+    filtered, reported = run_of_log(course, setup)
+    assert not reported.constants.wanders
+    found = belief_of_log(course, reported, filtered)
     off = found.mean[PARAMETERS] - np.array([wheel.motor_gain, wheel.viscous, wheel.coulomb, wheel.static])
     assert np.all(np.abs(off) < 3.5 * found.std[PARAMETERS])
     assert found.std[PARAMETERS][0] < 0.0005 * wheel.motor_gain  # with drift 0.0015
@@ -152,7 +152,7 @@ def test_a_long_log_is_looked_at_three_times_and_as_sure_as_after_seven(monkeypa
     time_s = np.arange(36_000) / 20.0
     current = np.repeat(np.random.default_rng(3).uniform(-0.25, 0.25, 360), 100)
     course = course_of(simulate_run(PlantParameters(), current, time_s, PlantNoise(RAD_S_PER_RPM, 0.0), seed=3))
-    told = setup_of_record(course)
+    reported = setup_of_record(course)
     looked_at: list[int] = []
 
     def counted(course: Course, *args: Any, **kwargs: Any) -> FilterRun:
@@ -161,7 +161,7 @@ def test_a_long_log_is_looked_at_three_times_and_as_sure_as_after_seven(monkeypa
 
     for module in (hindsight, second_pass):
         monkeypatch.setattr(module, "filter_log", counted)
-    run, setup = run_of_log(course, told)
+    run, setup = run_of_log(course, reported)
     found = belief_of_log(course, setup, run)
     assert looked_at.count(course.samples) == 3  # steady, wandering, and again from where the first one ended
     assert max(n for n in looked_at if n != course.samples) <= 8_000

@@ -33,7 +33,7 @@ def log() -> rw_ekf.Log:
     return rw_ekf.simulate("P1", effects=["quadratic_drag"], seed=3, duration_s=120.0)
 
 
-def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def stated(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """What a command prints."""
     assert main(list(arguments)) == 0
     return capsys.readouterr().out
@@ -80,14 +80,14 @@ def test_its_functions_return_what_the_commands_print(
         for part in found.document().values():
             if isinstance(part, dict):
                 part.clear()  # what is done to a document is not done to what it is of
-        document = json.loads(said(capsys, verb, path, *more, "--json"))
+        document = json.loads(stated(capsys, verb, path, *more, "--json"))
         assert without_times(json.loads(found.to_json())) == without_times(document)
-        assert said(capsys, verb, path, *more) == found.text() + "\n"
+        assert stated(capsys, verb, path, *more) == found.text() + "\n"
         assert Path(path).name in repr(found)
         assert "<pre>" in found._repr_html_()
         assert found.plot().axes if not isinstance(found, rw_ekf.Fit) else True
     found_columns = rw_ekf.guess_columns(path).document()
-    assert found_columns == json.loads(said(capsys, "columns", path, "--json"))
+    assert found_columns == json.loads(stated(capsys, "columns", path, "--json"))
     rows = rw_ekf.read(path, None)
     assert rw_ekf.replay(rows).table.num_rows == len(log)
 
@@ -151,8 +151,8 @@ def test_two_models_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture
     other.model.save(tmp_path / "augmented-model.yaml")
     names = ["compare", str(tmp_path / "run.csv"), str(tmp_path), "--on", str(tmp_path / "third.csv")]
     document = {**found.document(), "log": str(tmp_path / "third.csv")}
-    assert json.loads(said(capsys, *names, "--json")) == document
-    assert said(capsys, *names[:3]).splitlines() == found.text().splitlines()[:-1]
+    assert json.loads(stated(capsys, *names, "--json")) == document
+    assert stated(capsys, *names[:3]).splitlines() == found.text().splitlines()[:-1]
 
 
 def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,8 +172,8 @@ def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: p
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    asked = ("bench", "--scenario", str(short), "--schemes", "pid_current", "dmc", "--json")
-    assert json.loads(done.stdout) == json.loads(said(capsys, *asked))
+    wanted = ("bench", "--scenario", str(short), "--schemes", "pid_current", "dmc", "--json")
+    assert json.loads(done.stdout) == json.loads(stated(capsys, *wanted))
 
 
 def test_the_bench_says_at_once_what_it_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

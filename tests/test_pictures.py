@@ -50,12 +50,12 @@ def test_a_picture_holds_what_its_suffix_says(name: str, begins: bytes, tmp_path
 
 
 @pytest.mark.parametrize(
-    "asked", [("replay", "gone.csv", "--picture"), ("flyby", "--out"), ("spikes", "gone", "--out")], ids=lambda v: v[0]
+    "wanted", [("replay", "gone.csv", "--picture"), ("flyby", "--out"), ("spikes", "gone", "--out")], ids=lambda v: v[0]
 )
 @pytest.mark.parametrize("name", ["x.jpg", "x"])
 def test_another_suffix_is_refused_before_any_work(
-    asked: tuple[str, ...], name: str, capsys: pytest.CaptureFixture[str]
+    wanted: tuple[str, ...], name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Every verb that writes a picture names the suffixes that there are, in one sentence, before it reads anything."""
-    assert main([*asked, name]) == 2
+    assert main([*wanted, name]) == 2
     assert capsys.readouterr().err == f"rw-ekf: error: {name}: the name of a picture must end in .png, .svg, .pdf\n"

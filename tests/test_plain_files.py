@@ -38,12 +38,12 @@ def test_a_pipe_or_a_device_in_the_place_of_a_document_is_one_sentence(tmp_path:
     log = tmp_path / "log.csv"
     log.write_text("time_s,speed_rpm,current_A\n0,1,0\n1,1,0\n", encoding="utf-8")
     for place in (str(pipe(tmp_path / "pipe")), "/dev/zero"):
-        asked = {
+        wanted = {
             "check-config": ("check-config", place),
             "columns": ("replay", str(log), "--columns", place),
             "model": ("replay", str(log), "--model", place),
         }.get(verb, (verb, "--config", place))
-        done = rw_ekf(*asked)
+        done = rw_ekf(*wanted)
         assert done.returncode == 2
         assert done.stderr.count("\n") == 1
         assert place in done.stderr

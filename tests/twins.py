@@ -71,8 +71,8 @@ def write_pendulum(folder: Path, seed: int = 3, seconds: float = 60.0) -> None:
     time_s = 0.01 * np.arange(round(seconds / 0.01), dtype=np.float64)
     drive = _held(time_s, random, 0.1, 0.6, lambda: float(random.uniform(-5.0, 5.0)))
 
-    def torque(asked: float, angle: float) -> float:
-        return PENDULUM_GAIN * asked - GRAVITY * math.sin(angle)
+    def torque(wanted: float, angle: float) -> float:
+        return PENDULUM_GAIN * wanted - GRAVITY * math.sin(angle)
 
     speed, angle = _run(torque, PENDULUM_VISCOUS, PENDULUM_COULOMB, PENDULUM_COULOMB, time_s, drive)
     read = speed + 1.0 * random.standard_normal(time_s.size)
@@ -133,9 +133,9 @@ def _run(
         if i + 1 == time_s.size:
             break
         steps = max(1, round((float(time_s[i + 1]) - now) / step_s))
-        h, asked = (float(time_s[i + 1]) - now) / steps, float(drive[i])
+        h, wanted = (float(time_s[i + 1]) - now) / steps, float(drive[i])
         for _ in range(steps):
-            free = torque(asked, angle)
+            free = torque(wanted, angle)
             if omega == 0.0 and abs(free) <= static:
                 continue
             along = math.copysign(1.0, omega if omega != 0.0 else free)

@@ -86,7 +86,7 @@ class PythonCanBus:
         try:
             self._bus: Any = can.Bus(interface=port.interface, channel=port.channel, bitrate=bitrate)
         except Exception as error:  # every interface has kinds of its own
-            raise DriverError(f"{self._name} could not be opened: {_said(error)}. {_HINT}") from error
+            raise DriverError(f"{self._name} could not be opened: {_stated(error)}. {_HINT}") from error
         self._empty_at_s = clock.monotonic()
 
     def receive(self, timeout_s: float) -> list[CanFrame]:
@@ -148,14 +148,14 @@ class PythonCanBus:
 
     def _lost(self, error: Exception) -> DriverError:
         return DriverError(
-            f"{self._name} failed: {_said(error)}. The interface is down or its adapter was unplugged; check both"
+            f"{self._name} failed: {_stated(error)}. The interface is down or its adapter was unplugged; check both"
         )
 
 
 _HINT = "Check the name, and that the interface is up (ip link show), or try the simulated wheel: rw-ekf simulate"
 
 
-def _said(error: Exception) -> str:
+def _stated(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from rw_ekf.checking.section import Mistake
 from rw_ekf.checking.yaml_loader import PathTuple
 from rw_ekf.drivers.can.can_database import unit_of
-from rw_ekf.drivers.can.can_file import FLAG_BITS, CanFile, CommandKeys, FrameCare, Sent, Told
+from rw_ekf.drivers.can.can_file import FLAG_BITS, CanFile, CommandKeys, FrameCare, Reported, Sent
 from rw_ekf.drivers.line.wire_layout import Field
 
 _WHOLE = {False: "u64", True: "i64"}
@@ -20,18 +20,18 @@ _LONGEST_BYTES = 8
 def used_messages(file: CanFile) -> list[str]:
     """The messages that a map speaks of."""
     sent = [s.message for s in (file.enable, file.idle, file.reset, file.cycle.request) if isinstance(s, Sent)]
-    told = [told.signal.split(".")[0] for told in file.telemetry.values()]
-    return list(dict.fromkeys([*file.cycle.messages, *told, file.command.signal.split(".")[0], *sent]))
+    reported = [reported.signal.split(".")[0] for reported in file.telemetry.values()]
+    return list(dict.fromkeys([*file.cycle.messages, *reported, file.command.signal.split(".")[0], *sent]))
 
 
-def signal_field(name: str, told: Told | CommandKeys, database: Any) -> Field:
+def signal_field(name: str, reported: Reported | CommandKeys, database: Any) -> Field:
     """A signal as a register's field. Raises ValidationError: its unit does not fit; KeyError: a float of 16 bits."""
-    message, signal_name = told.signal.split(".")
+    message, signal_name = reported.signal.split(".")
     signal = database.get_message_by_name(message).get_signal_by_name(signal_name)
     field = Field(
         name=name,
         type=_FLOATS[signal.length] if signal.is_float else _WHOLE[signal.is_signed],
-        unit=told.unit if told.unit is not None else unit_of(signal),
+        unit=reported.unit if reported.unit is not None else unit_of(signal),
         scale=float(signal.scale),
         offset=float(signal.offset),
     )
@@ -53,8 +53,8 @@ class MapCheck:
     def findings(self) -> list[Mistake]:
         """Every mistake: its path in the file, and the words behind the key."""
         file = self._file
-        for name, told in file.telemetry.items():
-            self._value(("telemetry", name), name, told)
+        for name, reported in file.telemetry.items():
+            self._value(("telemetry", name), name, reported)
         for index, name in enumerate(file.cycle.messages):
             self._message(("cycle", "messages", index), name)
         self._value(("command", "signal"), "current_command", file.command)
@@ -109,16 +109,16 @@ class MapCheck:
         if not signal.is_float and not least <= number < least + (1 << signal.length):
             self._add(path, f"is {number}: signal {name} has {signal.length} bits")
 
-    def _value(self, path: PathTuple, name: str, told: Told | CommandKeys) -> None:
+    def _value(self, path: PathTuple, name: str, reported: Reported | CommandKeys) -> None:
         """A signal that is a quantity of the program."""
-        if not self._signal(path, *told.signal.split(".")) or name in FLAG_BITS:
+        if not self._signal(path, *reported.signal.split(".")) or name in FLAG_BITS:
             return
         try:
-            signal_field(name, told, self._database)
+            signal_field(name, reported, self._database)
         except ValidationError as error:
             self._add(path, f"{error.errors()[0]['msg']}: give it beside the signal, as unit")
         except KeyError:
-            self._add(path, f"is {told.signal}: a float has 32 or 64 bits")
+            self._add(path, f"is {reported.signal}: a float has 32 or 64 bits")
 
     def _care(self, name: str, care: FrameCare) -> None:
         """Counter and checksum of a message."""
@@ -144,13 +144,13 @@ class MapCheck:
         for message, place in zip(used, places, strict=True):
             if places.count(place) > 1:
                 self._add(("telemetry",), f"uses {message.name}, whose identifier another message has too")
-        telling = {told.signal.split(".")[0] for told in file.telemetry.values()} | set(file.cycle.messages)
+        telling = {reported.signal.split(".")[0] for reported in file.telemetry.values()} | set(file.cycle.messages)
         if file.command.signal.split(".")[0] in telling:
             self._add(("command", "signal"), "is in a message of telemetry: nobody could tell who sent it")
         moment = ["uptime", file.command.confirmed_by or "current_command"]
         for name in moment:
-            told = file.telemetry.get(name)
-            if told is not None and told.signal.split(".")[0] not in file.cycle.messages:
+            reported = file.telemetry.get(name)
+            if reported is not None and reported.signal.split(".")[0] not in file.cycle.messages:
                 self._add(("telemetry", name), "must be in a message of the cycle: it is of the moment of a reading")
         shared = [m for m in file.cycle.messages if file.frames.get(m, FrameCare()).alive is None]
         if file.cycle.same_alive and shared:

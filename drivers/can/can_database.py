@@ -62,8 +62,10 @@ def _of_dbc(of_cantools: Any, path: Path, where: Where) -> Any:
             raise ConfigError(f"{at}: dbc: {path} is larger than any database of messages ({_MOST_BYTES} bytes)")
         content = path.read_bytes()
     except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or error
-        raise ConfigError(f"{at}: dbc: {path} cannot be read ({said}); its name counts from the map's folder") from None
+        stated = getattr(error, "strerror", None) or error
+        raise ConfigError(
+            f"{at}: dbc: {path} cannot be read ({stated}); its name counts from the map's folder"
+        ) from None
     try:
         return of_cantools.load_string(content.decode("cp1252", errors="replace"), "dbc")
     except Exception as error:  # noqa: BLE001 - a parser's own kinds, and what a wrong file makes it stumble over

@@ -13,7 +13,7 @@ from rw_ekf.drivers.line.wire_layout import QUANTITIES, UNITS, LineSettings
 
 # What telemetry may tell beside the quantities of any map: signals that are up where they are not zero.
 FLAG_BITS = {"fault": 1, "current_limited": 2, "over_temperature": 4}
-TOLD = (*(name for name in QUANTITIES if name not in ("flags", "speed_reference")), *FLAG_BITS)
+REPORTED = (*(name for name in QUANTITIES if name not in ("flags", "speed_reference")), *FLAG_BITS)
 
 Identifier = Annotated[str, matching(r"[A-Za-z_][A-Za-z0-9_]*", "write a name in letters, digits and _")]
 Place = Annotated[str, matching(r"[A-Za-z_]\w*\.[A-Za-z_]\w*", "write Message.Signal")]
@@ -62,7 +62,7 @@ def _as_table(value: Any) -> Any:
     return {"signal": value} if isinstance(value, str) else value
 
 
-class Told(Section):
+class Reported(Section):
     """Where a value stands."""
 
     signal: Place = Key(description="Message.Signal")
@@ -127,7 +127,7 @@ class CanFile(Section):
     link: LineSettings = LineSettings(baud=115_200)
     dbc: Annotated[str | None, NOT_NULL] = None
     messages: tuple[CanMessage, ...] = Key((), strict=False, description="what a DBC would say")
-    telemetry: dict[Annotated[str, one_of(TOLD)], Annotated[Told, BeforeValidator(_as_table)]] = Key(
+    telemetry: dict[Annotated[str, one_of(REPORTED)], Annotated[Reported, BeforeValidator(_as_table)]] = Key(
         description="value: Message.Signal"
     )
     cycle: CycleKeys = Key(description="the messages that tell of one moment")

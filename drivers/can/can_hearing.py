@@ -31,18 +31,18 @@ class Hearing:
         keys = layout.file.cycle
         within_s = 1e-3 * (keys.within_ms if keys.within_ms is not None else 0.5 * keys.period_ms)
         self.cycle = Cycle(keys.messages, within_s, same_alive=keys.same_alive)
-        self.newest: dict[str, Told] = {}  # by message
+        self.newest: dict[str, Reported] = {}  # by message
         self.news: tuple[str, str] | None = None
         self.frames = self.good_frames = 0  # of any kind; of telemetry
         self._layout = layout
         self._bus = bus
         self._counters = counters
         self._watch = BusWatch(port, counters)
-        told = dict.fromkeys(m for r in can_map.readable() for m in layout.messages_of(r.name))
-        self._telling = {(layout.codecs[name].id, layout.codecs[name].extended): name for name in told}
-        self._ours = {(c.id, c.extended) for name, c in layout.codecs.items() if name not in told}
+        reported = dict.fromkeys(m for r in can_map.readable() for m in layout.messages_of(r.name))
+        self._telling = {(layout.codecs[name].id, layout.codecs[name].extended): name for name in reported}
+        self._ours = {(c.id, c.extended) for name, c in layout.codecs.items() if name not in reported}
         self._fresh: dict[str, Fresh] = {}
-        for name in told:
+        for name in reported:
             period_s = 1e-3 * layout.care(name).period_ms
             self._fresh[name] = Fresh(period_s, layout.codecs[name].alive_span, keys.missing_after * period_s)
         self._sent: deque[tuple[CanFrame, float]] = deque(maxlen=16)
@@ -107,7 +107,7 @@ class Hearing:
                 self.newest.clear()
             self._cycle_at_s = frame.time_s
             self.cycle.add(name, numbers, alive, frame.time_s)
-        self.newest[name] = Told({name: numbers}, frame.time_s)
+        self.newest[name] = Reported({name: numbers}, frame.time_s)
 
 
 class BusWatch:
@@ -132,12 +132,12 @@ class BusWatch:
                 f"{self._port} failed: the controller is bus-off, it counted too many errors. Check bit rate, "
                 "termination and wiring; it comes back by restart-ms (ip link set ... type can restart-ms 100)"
             )
-        said = frame.data[_STATE_BYTE] if frame.id & CONTROLLER and len(frame.data) > _STATE_BYTE else 0
-        if said & PASSIVE:
+        stated = frame.data[_STATE_BYTE] if frame.id & CONTROLLER and len(frame.data) > _STATE_BYTE else 0
+        if stated & PASSIVE:
             self._counters.bus = IS_PASSIVE
-        elif said & WARNING:
+        elif stated & WARNING:
             self._counters.bus = IS_WARNING
-        elif said & ACTIVE or frame.id & RESTARTED:
+        elif stated & ACTIVE or frame.id & RESTARTED:
             self._counters.bus = IS_ACTIVE
         if self._counters.bus == was or self._counters.bus != IS_PASSIVE:
             return None
@@ -148,7 +148,7 @@ class BusWatch:
         )
 
 
-class Told(NamedTuple):
+class Reported(NamedTuple):
     """What the messages of one moment said."""
 
     numbers: Mapping[str, Mapping[str, float]]  # by message and signal
@@ -191,7 +191,7 @@ class Cycle:
         self._within_s = within_s
         self._same_alive = same_alive
         self._begun: list[tuple[Mapping[str, float], int | None, float]] = []
-        self.newest: Told | None = None
+        self.newest: Reported | None = None
         self.dropped = 0  # frames whose cycle never was whole
 
     def add(self, message: str, numbers: Mapping[str, float], alive: int | None, time_s: float) -> bool:
@@ -206,8 +206,8 @@ class Cycle:
         self._begun.append((numbers, alive, time_s))
         if len(self._begun) < len(self._messages):
             return False
-        told = {name: part[0] for name, part in zip(self._messages, self._begun, strict=True)}
-        self.newest = Told(told, self._begun[0][2])
+        reported = {name: part[0] for name, part in zip(self._messages, self._begun, strict=True)}
+        self.newest = Reported(reported, self._begun[0][2])
         self._begun.clear()
         return True
 

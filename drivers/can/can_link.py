@@ -12,7 +12,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.drivers.can.can_bus import SERIAL_INTERFACE, CanBus, CanPort, PythonCanBus
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
-from rw_ekf.drivers.can.can_hearing import Hearing, Told
+from rw_ekf.drivers.can.can_hearing import Hearing, Reported
 from rw_ekf.drivers.can.can_protocol import CanMap, Layout
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.line import Exchange
@@ -55,7 +55,7 @@ class CanLink:
         self._layout: Layout = layout
         self._clock = clock
         self._bitrate = layout.file.bus.bitrate
-        self._given: Told | None = None
+        self._given: Reported | None = None
         self._alive = dict.fromkeys(layout.codecs, 0)
         self._sent_A = 0.0  # the last that was commanded
         self._no_room_since_s: float | None = None
@@ -89,7 +89,7 @@ class CanLink:
             limit_s = self.reply_timeout_s if timeout_s is None else min(timeout_s, self.reply_timeout_s)
             return self._write(register, data, now_s + limit_s)
         if register.name != "cycle":
-            return self._told(register)
+            return self._reported(register)
         limit_s = max(self.reply_timeout_s, self._wait_s)
         return self._next_cycle(register, now_s + (limit_s if timeout_s is None else min(limit_s, timeout_s)))
 
@@ -125,17 +125,21 @@ class CanLink:
 
         Where it is not known when a frame came, the next one, if it can be waited for.
         """
-        asked_s = self._ask()
+        wanted_s = self._ask()
         if not self.bus.stamps_arrival and deadline_s - self._clock.monotonic() > self._wait_s:
             self._given = self._heard.cycle.newest
         missing_s = self._layout.file.cycle.missing_after * self._layout.period_s("cycle")
         while True:
             now_s = self._clock.monotonic()
-            told = self._heard.cycle.newest
-            if told is not None and told is not self._given and (asked_s is None or told.time_s >= asked_s):
-                self._given = told
-                if now_s - told.time_s <= missing_s:
-                    return Exchange(self._packed(register, told.numbers), told.time_s, now_s)
+            reported = self._heard.cycle.newest
+            if (
+                reported is not None
+                and reported is not self._given
+                and (wanted_s is None or reported.time_s >= wanted_s)
+            ):
+                self._given = reported
+                if now_s - reported.time_s <= missing_s:
+                    return Exchange(self._packed(register, reported.numbers), reported.time_s, now_s)
                 self.counters.stale += 1
             if now_s >= deadline_s:
                 self.counters.timeouts += 1
@@ -147,7 +151,7 @@ class CanLink:
         request = self._layout.file.cycle.request
         if request is None:
             return None
-        asked_s = self._clock.monotonic()
+        wanted_s = self._clock.monotonic()
         if isinstance(request, Sent):
             self._send(request.message, request.signals)
         else:
@@ -155,18 +159,18 @@ class CanLink:
                 codec = self._layout.codecs[name]
                 self.bus.send(CanFrame(codec.id, b"", codec.extended, remote=True))
         self.counters.requests += 1
-        return asked_s
+        return wanted_s
 
-    def _told(self, register: Register) -> Exchange:
+    def _reported(self, register: Register) -> Exchange:
         """What was told of a register at its own pace, unless that is too long ago."""
         now_s = self._clock.monotonic()
         messages = self._layout.messages_of(register.name)
-        told = [self._heard.newest[name] for name in messages if name in self._heard.newest]
-        oldest_s = min((one.time_s for one in told), default=now_s)
+        reported = [self._heard.newest[name] for name in messages if name in self._heard.newest]
+        oldest_s = min((one.time_s for one in reported), default=now_s)
         may_s = self._layout.file.cycle.missing_after * self._layout.period_s(register.name)
-        if len(told) < len(messages) or now_s - oldest_s > may_s:
+        if len(reported) < len(messages) or now_s - oldest_s > may_s:
             return Exchange(None, now_s, now_s)
-        numbers = {name: part for one in told for name, part in one.numbers.items()}
+        numbers = {name: part for one in reported for name, part in one.numbers.items()}
         return Exchange(self._packed(register, numbers), oldest_s, now_s)
 
     def _packed(self, register: Register, numbers: Mapping[str, Mapping[str, float]]) -> bytes:
@@ -212,14 +216,14 @@ class CanLink:
         bearing = Bearing(current_A, self._sent_A, self._may_A(current_A))
         while arrived_s is not None and can_tell and self._clock.monotonic() < deadline_s:
             self._heard.take(deadline_s - self._clock.monotonic())
-            told = self._heard.cycle.newest
-            if told is None or told is seen or told.time_s <= arrived_s:
+            reported = self._heard.cycle.newest
+            if reported is None or reported is seen or reported.time_s <= arrived_s:
                 continue
-            seen = told
-            if bearing.is_borne_out(self._told_A(told)):
-                self.counters.note_reply(1e3 * (told.time_s - arrived_s))
+            seen = reported
+            if bearing.is_borne_out(self._reported_A(reported)):
+                self.counters.note_reply(1e3 * (reported.time_s - arrived_s))
                 self._standing.note_taken()
-                return Exchange(_OK, arrived_s, told.time_s)
+                return Exchange(_OK, arrived_s, reported.time_s)
             if bearing.is_due_again:
                 arrived_s = self._send(message, numbers)
             elif bearing.is_refused:
@@ -261,9 +265,9 @@ class CanLink:
             return file.command.confirmed_by
         return "current_command" if "current_command" in self._layout.sources["cycle"] else None
 
-    def _told_A(self, told: Told) -> float:
+    def _reported_A(self, reported: Reported) -> float:
         register = self._map.speed_register
-        return decode_register(register, self._packed(register, told.numbers))[self._confirming or ""]
+        return decode_register(register, self._packed(register, reported.numbers))[self._confirming or ""]
 
     def _may_A(self, current_A: float) -> float:
         """By how much a current in force may be told otherwise."""

@@ -101,8 +101,12 @@ def can_map(file: CanFile, database: Any, where: Where) -> CanMap:
     codecs = {name: MessageCodec(database.get_message_by_name(name), care(name)) for name in used_messages(file)}
     registers = []
     for name, number in _numbered(sources):
-        fields = [signal_field(told, file.telemetry[told], database) for told in sources[name] if told not in FLAG_BITS]
-        if any(told in FLAG_BITS for told in sources[name]):
+        fields = [
+            signal_field(reported, file.telemetry[reported], database)
+            for reported in sources[name]
+            if reported not in FLAG_BITS
+        ]
+        if any(reported in FLAG_BITS for reported in sources[name]):
             fields.append(Field(name="flags", type="u8"))
         registers.append(Register(id=number, name=name, access="read", fields=tuple(fields)))
     fields = [signal_field("current_command", file.command, database)]
@@ -121,8 +125,8 @@ def can_map(file: CanFile, database: Any, where: Where) -> CanMap:
 def _sources(file: CanFile) -> dict[str, dict[str, Source]]:
     """By register, what it tells, and where that stands."""
     found: dict[str, dict[str, Source]] = {}
-    for name, told in file.telemetry.items():
-        message, signal = told.signal.split(".")
+    for name, reported in file.telemetry.items():
+        message, signal = reported.signal.split(".")
         register = name
         if name in IDENTITY:
             register = "identity"
@@ -173,10 +177,10 @@ def protocol_of(data: Mapping[str, object], where: Where) -> CanProtocol:
     content = {key: value for key, value in data.items() if key != "family"}
     file = checked(CanFile, content, "a map of CAN messages", where)
     made = can_map(file, database_of(file, where), where)
-    said = json.dumps(content, sort_keys=True).encode()
+    stated = json.dumps(content, sort_keys=True).encode()
     if file.dbc is not None:
-        said += (folder_of(where) / file.dbc).read_bytes()
-    return CanProtocol(made, _scale_places(file, where), hashlib.sha256(said).hexdigest())
+        stated += (folder_of(where) / file.dbc).read_bytes()
+    return CanProtocol(made, _scale_places(file, where), hashlib.sha256(stated).hexdigest())
 
 
 def _scale_places(file: CanFile, where: Where) -> dict[str, str]:

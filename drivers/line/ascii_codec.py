@@ -59,7 +59,7 @@ class AsciiCodec:
         self.heard: Counter[int] = Counter()  # lines by form; the same line again is not counted
         self.has_restarted = False  # the wheel said so
         self.odd = ""  # the last line that says nothing of the map
-        self._asked: tuple[int, AsciiRegister | None, str] = (0, None, "")
+        self._wanted: tuple[int, AsciiRegister | None, str] = (0, None, "")
         self._last = ""
         self._sent: deque[str] = deque(maxlen=4)  # whose echoes may come
         self._written: dict[int, bytes] = {}  # what was written last, at the wheel's end
@@ -79,7 +79,7 @@ class AsciiCodec:
 
     def plain(self, text: str, seq: int = 0, register: AsciiRegister | None = None) -> bytes:
         """A line that is sent as it stands; without a register no answer to it is of any meaning but a refusal."""
-        self._asked = (seq, register, text)
+        self._wanted = (seq, register, text)
         self._sent.append(text)
         self.refused = None
         return self._line(text, self._line_end)
@@ -94,7 +94,7 @@ class AsciiCodec:
 
     def _replied(self, text: str) -> Frame | None:
         """The frame of a line; None where the map has none such."""
-        seq, register, asked = self._asked
+        seq, register, wanted = self._wanted
         if self._is_known(text):
             return _NOTHING
         numbers = None if register is None else self._read(register._answers, text)
@@ -104,7 +104,7 @@ class AsciiCodec:
             self.overhead_bytes = len(text) + 2 - 8 * len(register.fields)
             if register.access == "read":
                 return Frame(seq, register.id, _data(register, numbers))
-            sent = register._asks.read(asked) or {}
+            sent = register._asks.read(wanted) or {}
             same = all(numbers[name] == sent[name] for name in numbers)
             return Frame(seq, register.id, bytes((STATUS_OK,))) if same else _NOT_OURS
         for status, line in self._map.refused.items():
@@ -138,7 +138,7 @@ class AsciiCodec:
         return self._decoded(buffer, self._requested)
 
     def _requested(self, text: str) -> Frame | None:
-        self._asked = (0, None, text)
+        self._wanted = (0, None, text)
         for index, line in enumerate(self._map.startup):
             if self._map.line(line).printed(self._address) == text:
                 return Frame(0, STARTUP_ID + index, b"")
@@ -165,10 +165,10 @@ class AsciiCodec:
         elif register is not None and register._answers is not None:
             written = _numbers(register, self._written.get(register.id, bytes(register.size)))
             text = register._answers.printed(self._address | written)
-        around = self._line(self._asked[2], self._line_end) if self._framing.echoes else b"", self._prompt
+        around = self._line(self._wanted[2], self._line_end) if self._framing.echoes else b"", self._prompt
         return (b"" if text is None else self._line(text, self._line_end)).join(around)
 
-    def said(self, text: str) -> bytes:
+    def stated(self, text: str) -> bytes:
         """A line of the wheel's own."""
         return self._line(self._map.line(text).printed(self._address), self._line_end)
 

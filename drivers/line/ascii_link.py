@@ -57,10 +57,10 @@ class AsciiLink(SerialLink):
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
         self._forms = _forms(wire_map.registers)
         self._owed: dict[int, _Owed] = {}  # by form of the answer
-        self._told: dict[
+        self._reported: dict[
             int, tuple[float, float]
         ] = {}  # by register: the wheel's clock, and when it was asked for that
-        self._said_A = 0.0  # the current that was written last
+        self._stated_A = 0.0  # the current that was written last
         self._begin_again_s = -math.inf
         self._answered_s = math.inf  # when the wheel has answered last; infinity: never
         self._in_vain = 0  # questions since
@@ -113,8 +113,8 @@ class AsciiLink(SerialLink):
         if register.name != "current_command":
             self.note_restart()  # idle, or reset
         else:
-            self._said_A = decode_register(register, data)["current_command"]
-            if not self._is_ready and self._said_A != 0.0 and self._clock.monotonic() >= self._begin_again_s:
+            self._stated_A = decode_register(register, data)["current_command"]
+            if not self._is_ready and self._stated_A != 0.0 and self._clock.monotonic() >= self._begin_again_s:
                 self._begin(register)
         if register.reply is None:
             exchange = self._say(self.codec.request(0, register.id, data))
@@ -138,7 +138,7 @@ class AsciiLink(SerialLink):
 
     def _begin(self, command: AsciiRegister) -> None:
         """Zero, and then the lines of the start. Raises DriverError where the wheel refuses one of those."""
-        wanted_A, self._begin_again_s = self._said_A, self._clock.monotonic() + _BEGIN_EVERY_S
+        wanted_A, self._begin_again_s = self._stated_A, self._clock.monotonic() + _BEGIN_EVERY_S
         heard = self._command(command, encode_register(command, {"current_command": 0.0}), None)
         if command.reply is None and self._telling is not None:
             heard = self._ask(self._telling)
@@ -157,7 +157,7 @@ class AsciiLink(SerialLink):
                 )
             if self.good_frames == good:
                 self._give_up(self._forms[command.id], sent)
-        self._is_ready, self._said_A = True, wanted_A
+        self._is_ready, self._stated_A = True, wanted_A
 
     def _ask(self, register: Register, timeout_s: float | None = None) -> Exchange:
         """Ask once; an answer that may be another's is none."""
@@ -180,9 +180,9 @@ class AsciiLink(SerialLink):
 
     def _is_fresh(self, register: Register, exchange: Exchange) -> bool:
         """Whether the wheel's clock says that an answer is not an old one; those are older than a reply may be."""
-        uptime_s, asked_s = _uptime_s(register, exchange), exchange.received_by_wheel_s
-        before_s, before_asked_s = self._told.get(register.id, (math.nan, math.nan))
-        return abs((asked_s - before_asked_s) - (uptime_s - before_s)) < _FRESH_SHARE * self.reply_timeout_s
+        uptime_s, wanted_s = _uptime_s(register, exchange), exchange.received_by_wheel_s
+        before_s, before_wanted_s = self._reported.get(register.id, (math.nan, math.nan))
+        return abs((wanted_s - before_wanted_s) - (uptime_s - before_s)) < _FRESH_SHARE * self.reply_timeout_s
 
     def _be_silent(self, form: int, owed: _Owed, since_s: float) -> None:
         """Nothing is asked from a time [s] on until no more answers of a form can come."""
@@ -210,11 +210,11 @@ class AsciiLink(SerialLink):
 
     def _note_answer(self, register: Register, exchange: Exchange) -> None:
         """The wheel has answered: it may have restarted meanwhile."""
-        self._told[register.id] = _uptime_s(register, exchange), exchange.received_by_wheel_s
+        self._reported[register.id] = _uptime_s(register, exchange), exchange.received_by_wheel_s
         if register is self._telling:
             assert exchange.data is not None
-            told_A = decode_register(self._telling, exchange.data)["current_command"]
-            if abs(told_A - self._said_A) > self._map.current_command.fields[0].si_per_count:
+            reported_A = decode_register(self._telling, exchange.data)["current_command"]
+            if abs(reported_A - self._stated_A) > self._map.current_command.fields[0].si_per_count:
                 self._is_ready = not self._map.startup  # it may have restarted unseen
         was_away = self._in_vain >= _RESTART_REQUESTS and self._clock.monotonic() - self._answered_s > _RESTART_S
         if self.codec.has_restarted or (was_away and self._map.startup and not self._tells_restart):

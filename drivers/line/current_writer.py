@@ -37,8 +37,8 @@ class CurrentWriter:
         self._map = wire_map
         self._host = host
         self._telling = telling_register(wire_map)
-        told_by = None if self._telling is None else self._telling.field("current_command")
-        self._told_by = told_by if told_by is not None else wire_map.current_command.fields[0]
+        reported_by = None if self._telling is None else self._telling.field("current_command")
+        self._reported_by = reported_by if reported_by is not None else wire_map.current_command.fields[0]
         self._reset_again_s = host.monotonic()
         self._sent_A = 0.0  # the last that was written
 
@@ -62,15 +62,17 @@ class CurrentWriter:
         received_s = exchange.received_by_wheel_s
         if reason is None:
             return Written(sent_A, received_s)
-        told_A = self._told_A()
-        if told_A is None:
+        reported_A = self._reported_A()
+        if reported_A is None:
             return Written(sent_A, received_s, False, reason)
-        may_A = max(_step_A(field, sent_A), _step_A(self._told_by, sent_A))
-        if abs(told_A - sent_A) <= may_A:
+        may_A = max(_step_A(field, sent_A), _step_A(self._reported_by, sent_A))
+        if abs(reported_A - sent_A) <= may_A:
             return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
-        if abs(told_A + sent_A) <= may_A < abs(told_A - before_A):  # and it is not the one from before that holds on
-            return Written(told_A, received_s, reason=OPPOSITE)
-        return Written(told_A, received_s, reason=reason)
+        if (
+            abs(reported_A + sent_A) <= may_A < abs(reported_A - before_A)
+        ):  # and it is not the one from before that holds on
+            return Written(reported_A, received_s, reason=OPPOSITE)
+        return Written(reported_A, received_s, reason=reason)
 
     def stop(self, by: str | None = None) -> Written:
         """Write zero, or let go of the current as `SerialWheel.stop_current` says."""
@@ -101,7 +103,7 @@ class CurrentWriter:
         status = exchange.data[0]
         return exchange, None if status == STATUS_OK else self._map.status_name(status)
 
-    def _told_A(self) -> float | None:
+    def _reported_A(self) -> float | None:
         """The command in force by telemetry; None where the wheel does not tell it, or does not answer."""
         if self._telling is None:
             return None
@@ -122,7 +124,7 @@ class CurrentWriter:
         if name == RESET:
             self._reset_again_s = now_s + RESET_EVERY_S
         exchange, reason = self._write(register, data)
-        return exchange if reason is None or self._told_A() == 0.0 else None
+        return exchange if reason is None or self._reported_A() == 0.0 else None
 
 
 def _toward_zero(field: Field, current_A: float) -> float:

@@ -61,9 +61,9 @@ def lost_error(port: str, error: BaseException) -> DriverError:
 
 def silent_error(port: str, baud: int, waited_s: float, received: int, good: int = 0, hint: str = "") -> DriverError:
     """The DriverError for a port that opened but where no wheel speaks. hint: a sentence on what came instead."""
-    said = f" {hint}." if hint else ""
+    stated = f" {hint}." if hint else ""
     return DriverError(
-        f"{port} opened but no valid frame in {waited_s:.1f} s ({received} bytes, {good} good CRC).{said} "
+        f"{port} opened but no valid frame in {waited_s:.1f} s ({received} bytes, {good} good CRC).{stated} "
         f"Check baud ({baud}), wiring and wheel power, {_HINT_SIMULATE}"
     )
 

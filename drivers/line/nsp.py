@@ -81,11 +81,11 @@ class NspCodec:
         self._wheel, self._own = wheel, own
         self.echoes_b = echoes_b
         self.refused_to_read = False  # the last request, though the line works: so does a boot loader
-        self._asked = (0, -1)
+        self._wanted = (0, -1)
 
     def request(self, seq: int, register_id: int, data: bytes) -> bytes:
         """The frame that asks, to be answered. Raises ValueError if it does not fit into one."""
-        self._asked = (seq, register_id)
+        self._wanted = (seq, register_id)
         self.refused_to_read = False
         control = POLL | (B if seq & 1 else 0)
         if register_id in (PING_ID, INIT_ID):
@@ -102,7 +102,7 @@ class NspCodec:
         return Decoded(tuple(map(self._replied, packets)), damaged, rest)
 
     def _replied(self, packet: Packet) -> Frame:
-        seq, register_id = self._asked
+        seq, register_id = self._wanted
         if packet[:2] != (self._own, self._wheel) or not packet.control & FINAL:
             return NOT_OURS
         copied = bool(packet.control & B)

@@ -76,7 +76,7 @@ class NspLink(SerialLink):
             return self._identity(reply_bytes, timeout_s)
         if self._in_vain and self.codec.echoes_b is False and not self.in_turns:  # there it has had a period for that
             self._hush()  # a late reply would be taken for the next one's
-        ahead = self._asked_ahead(register_id)
+        ahead = self._wanted_ahead(register_id)
         exchange = super().request(ahead, b"", self._files[ahead], timeout_s) if ahead is not None else None
         if exchange is None or exchange.data is not None:
             exchange = super().request(register_id, data, reply_bytes, timeout_s)
@@ -111,7 +111,7 @@ class NspLink(SerialLink):
         """Whether the wheel's own program does."""
         return super().answers and bool(self._files)
 
-    def _asked_ahead(self, register_id: int) -> int | None:
+    def _wanted_ahead(self, register_id: int) -> int | None:
         """A file to ask for first: behind two requests in vain B is again what it was, and an old reply may be late.
 
         Two in vain, two of the other file, and so on: no reply that is late by one, two or three answers a request.
@@ -228,8 +228,8 @@ class NspProtocol(AddressedRegisterProtocol):
                 file = WireItem("file", "u8", True, "what is read", constant=register.id - FIRST_READ)
                 asks: tuple[WireItem, ...] = (_byte("control", POLL | READ), file)
                 name = f"read_{register.name}"
-                told = (WireItem("control", "u8", True, "final, B, ack, command"), file, *fields)
-                items = (_byte("destination", own), _byte("source", wheel), *told, crc_item(_CRC))
+                reported = (WireItem("control", "u8", True, "final, B, ack, command"), file, *fields)
+                items = (_byte("destination", own), _byte("source", wheel), *reported, crc_item(_CRC))
                 found.append(WirePacket(register.name, False, items, f"telemetry of file {register.id - FIRST_READ}"))
             else:
                 head = (_byte("control", POLL | WRITE), _byte("zero", 0), _byte("mode", register.id))

@@ -15,12 +15,12 @@ def packets_of(wire_map: WireMap) -> tuple[WirePacket, ...]:
     for register in wire_map.registers:
         fields = tuple(field_item(field, little=wire_map.framing.byte_order == "little") for field in register.fields)
         if register.access == "read":
-            asked, told = no_items, fields
+            wanted, reported = no_items, fields
             names, meanings = (f"read_{register.name}", register.name), ("asks for", "telemetry of")
         else:
-            asked, told = fields, (_status(wire_map),)
+            wanted, reported = fields, (_status(wire_map),)
             names, meanings = (register.name, f"{register.name}_status"), ("writes", "what became of a write to")
-        for name, items, meaning, is_command in zip(names, (asked, told), meanings, (True, False), strict=True):
+        for name, items, meaning, is_command in zip(names, (wanted, reported), meanings, (True, False), strict=True):
             packet = _packet(register, items, wire_map)
             found.append(WirePacket(name, is_command, packet, f"{meaning} register {register.id}, {register.name}"))
     return tuple(found)
@@ -41,8 +41,8 @@ def _packet(register: Register, items: tuple[WireItem, ...], wire_map: WireMap) 
 def crc_item(kind: str) -> WireItem:
     """The checksum behind everything else."""
     crc = CRCS[kind]
-    told = WireCrc(int(f"{crc.polynomial:016b}"[::-1], 2), crc.start, crc.final)
-    return WireItem("crc", "u16", True, f"{kind} over all before it", crc=told)
+    reported = WireCrc(int(f"{crc.polynomial:016b}"[::-1], 2), crc.start, crc.final)
+    return WireItem("crc", "u16", True, f"{kind} over all before it", crc=reported)
 
 
 def field_item(field: Field, *, little: bool) -> WireItem:

@@ -52,14 +52,14 @@ class RegisterProtocol:
     @property
     def limits(self) -> WireLimits:
         """What the registers can carry."""
-        told = [field for register in self.wire_map.readable() for field in register.fields]
+        reported = [field for register in self.wire_map.readable() for field in register.fields]
         return WireLimits(
             current_A=self.wire_map.current_range_A,
             current_unit=self.wire_map.current_unit,
             speed_rad_s=self.wire_map.speed_range_rad_s,
             speed_step_rad_s=self.wire_map.speed_step_rad_s,
-            hottest_degC=max((field.si_range[1] for field in told if field.name == "temperature"), default=None),
-            tells_current=any(field.name in ("current_command", "current") for field in told),
+            hottest_degC=max((field.si_range[1] for field in reported if field.name == "temperature"), default=None),
+            tells_current=any(field.name in ("current_command", "current") for field in reported),
         )
 
     def open_wheel(
@@ -163,8 +163,8 @@ class AddressedRegisterProtocol(RegisterProtocol):
         wire_map, codec = self.wire_map, self.wire_map.codec()
         beside = [one for one in wire_map.readable() if one.name in ("status", "identity")]
         beside = sorted(beside, key=lambda one: one.size)[-1:]
-        asked = [wire_map.speed_register, *registers_beside(wire_map.speed_register, wire_map), *beside]
-        sent = [(codec.request(0, one.id, b""), one.size) for one in asked]
+        wanted = [wire_map.speed_register, *registers_beside(wire_map.speed_register, wire_map), *beside]
+        sent = [(codec.request(0, one.id, b""), one.size) for one in wanted]
         if writes:
             command = wire_map.current_command
             sent.append((codec.request(0, command.id, bytes(command.size)), 1))  # answered by a status
@@ -198,8 +198,8 @@ def of_content(kind: type[Kind], maps: type[WireMap], data: Mapping[str, object]
     """The protocol of that kind over a file's content, checked as such a map. Raises ConfigError with every finding."""
     content = {key: value for key, value in data.items() if key != "family"} if isinstance(data, Mapping) else data
     wire_map = checked(maps, content, "a wire map", where)
-    said = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-    return kind(wire_map, _scale_places(wire_map, where), said)
+    stated = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return kind(wire_map, _scale_places(wire_map, where), stated)
 
 
 def _scale_places(wire_map: WireMap, where: Where) -> dict[str, str]:

@@ -20,7 +20,7 @@ from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
-_ASKED_IN_TURN = 4  # times; a boot loader refuses twice before it is told to start
+_WANTED_IN_TURN = 4  # times; a boot loader refuses twice before it is told to start
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
@@ -98,9 +98,9 @@ class SerialWheel:
         if news is None:
             news, self._line.news = self._line.news, None
         flags = values.get("flags", self._flags)
-        said = conditions(flags)
+        stated = conditions(flags)
         if self._mode is not None and self._writer.drives and self._mode not in MODES_OF_CURRENT:
-            said |= {OTHER_MODE}
+            stated |= {OTHER_MODE}
         return WheelSample(
             time_s=time_s,
             speed_rad_s=values["speed"],
@@ -112,7 +112,7 @@ class SerialWheel:
             angle_rad=values.get("angle"),
             status=None if flags is None else int(flags),
             segment=self.clock.segment,
-            conditions=said,
+            conditions=stated,
             news=news,
         )
 
@@ -147,12 +147,12 @@ class SerialWheel:
         """
         identity = self._map.register("identity")
         deadline_s = self._host.monotonic() + within_s
-        asked = 0
+        wanted = 0
         while not self._line.answers:
-            asked += 1
+            wanted += 1
             for register in filter(None, (identity, self._main)):
                 self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
-            if self._line.in_turns and (asked >= _ASKED_IN_TURN or not self._line.may_ask):
+            if self._line.in_turns and (wanted >= _WANTED_IN_TURN or not self._line.may_ask):
                 break
             if self._host.monotonic() >= deadline_s:
                 break

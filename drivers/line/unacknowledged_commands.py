@@ -20,12 +20,12 @@ class Bearing:
         self._wanted_A, self._before_A, self._may_A = wanted_A, before_A, may_A
         self._against = self._opposite = 0
 
-    def is_borne_out(self, told_A: float) -> bool:
+    def is_borne_out(self, reported_A: float) -> bool:
         """Whether a current that is told is the one commanded; one that is not counts against it."""
-        if abs(told_A - self._wanted_A) <= self._may_A:
+        if abs(reported_A - self._wanted_A) <= self._may_A:
             return True
         self._against += 1
-        self._opposite += abs(told_A + self._wanted_A) <= self._may_A < abs(told_A - self._before_A)
+        self._opposite += abs(reported_A + self._wanted_A) <= self._may_A < abs(reported_A - self._before_A)
         return False
 
     @property

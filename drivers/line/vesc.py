@@ -124,7 +124,7 @@ class VescCodec:
 
     def _of_values(self, command: int, data: bytes) -> Frame | None:
         """The frame of values, or of what asks for them; None where it is of others."""
-        asked = int.from_bytes(data[:_MASK_BYTES], "big")
-        if command != GET_VALUES_SELECTIVE or len(data) < _MASK_BYTES or asked & _MASK_BITS != self._mask:
+        wanted = int.from_bytes(data[:_MASK_BYTES], "big")
+        if command != GET_VALUES_SELECTIVE or len(data) < _MASK_BYTES or wanted & _MASK_BITS != self._mask:
             return None
-        return Frame(asked >> _SEQ_SHIFT, VALUES_ID, data[_MASK_BYTES:])
+        return Frame(wanted >> _SEQ_SHIFT, VALUES_ID, data[_MASK_BYTES:])

@@ -104,12 +104,12 @@ class VescRegister(Register):
             return []
         if self.mask is None:
             return [(("mask",), "is required: which values are asked for, bit by bit")]
-        asked = [size for bit, sizes in enumerate(VALUE_BYTES) if self.mask >> bit & 1 for size in sizes]
+        wanted = [size for bit, sizes in enumerate(VALUE_BYTES) if self.mask >> bit & 1 for size in sizes]
         found: list[Mistake] = []
         have = [struct.calcsize(field.code) for field in self.fields]
-        if asked != have:
+        if wanted != have:
             words = "asks for numbers of {} bytes, but the fields have {}".format(
-                *(", ".join(map(str, sizes)) for sizes in (asked, have))
+                *(", ".join(map(str, sizes)) for sizes in (wanted, have))
             )
             found.append((("mask",), f"{words}: one field for each, from the lowest bit on"))
         return found + [
@@ -181,24 +181,27 @@ class VescLink(SerialLink):
         """Send a command and ask for the current; taken where it is this one, refused where several are another."""
         sent = self._tell(frame)
         until_s = sent.received_by_wheel_s + limit_s
-        bearing, told_A = Bearing(wanted_A, self._sent_A, self._map.command.tolerance), self._told_A(sent, until_s)
-        if told_A is not None and abs(told_A - wanted_A) > self._map.command.tolerance:
-            told_A = self._told_A(sent, until_s)
-        while told_A is not None:
-            if bearing.is_borne_out(told_A):
+        bearing, reported_A = (
+            Bearing(wanted_A, self._sent_A, self._map.command.tolerance),
+            self._reported_A(sent, until_s),
+        )
+        if reported_A is not None and abs(reported_A - wanted_A) > self._map.command.tolerance:
+            reported_A = self._reported_A(sent, until_s)
+        while reported_A is not None:
+            if bearing.is_borne_out(reported_A):
                 self._standing.note_taken()
                 return sent._replace(data=bytes((STATUS_OK,)), replied_s=self._came_s)
             if bearing.is_refused:
                 break
             if bearing.is_due_again:
                 sent = self._tell(frame)
-            told_A = self._told_A(sent, until_s)
+            reported_A = self._reported_A(sent, until_s)
         if bearing.status is None:
             return sent._replace(data=None)
         self.news = self._standing.note_against(self._clock.monotonic()) or self.news
         return sent._replace(data=bytes((bearing.status,)), replied_s=self._clock.monotonic())
 
-    def _told_A(self, sent: Exchange, until_s: float) -> float | None:
+    def _reported_A(self, sent: Exchange, until_s: float) -> float | None:
         """The current that is told; None where nothing was sent, or no reply comes until a time [s]."""
         register, left_s = self._map.speed_register, until_s - self._clock.monotonic()
         if sent.data is None or left_s <= 0.0:

@@ -37,7 +37,7 @@ class WheelClock:
         self.believed = True
         self.news: tuple[str, str] | None = None  # event and sentence of what the last reading brought
         self._uptime_s: float | None = None
-        self._asked_s = self._came_s = 0.0  # of the last reading, by the host
+        self._wanted_s = self._came_s = 0.0  # of the last reading, by the host
         self._time_s = 0.0
         self._wraps_s = 0.0
         self._turned: float | None = None  # as it was told last
@@ -74,21 +74,21 @@ class WheelClock:
         self.news = event, text
 
     def time_s(
-        self, uptime_s: float, asked_s: float, span_s: float | None, came_s: float | None = None, count_s: float = 0.0
+        self, uptime_s: float, wanted_s: float, span_s: float | None, came_s: float | None = None, count_s: float = 0.0
     ) -> float:
-        """Wheel time [s] of an uptime reading [s] asked for at `asked_s` and here at `came_s` [s] of the host's clock.
+        """Wheel time [s] of an uptime reading [s] asked for at `wanted_s` and here at `came_s` [s] of the host's clock.
 
         span_s: after how much the counter wraps; None where it does not. count_s: its resolution. The same uptime again
         is the same time again: that reading is no later than the one before.
         """
-        came_s = asked_s if came_s is None else max(came_s, asked_s)
+        came_s = wanted_s if came_s is None else max(came_s, wanted_s)
         self.news = None
         if self._uptime_s is None:
-            return self._take(uptime_s, asked_s, came_s)
+            return self._take(uptime_s, wanted_s, came_s)
         if uptime_s == self._uptime_s and not self._restart_noted:
             return self._time_s
         advance_s = uptime_s - self._uptime_s
-        least_s, most_s = max(asked_s - self._came_s, 0.0), came_s - self._asked_s
+        least_s, most_s = max(wanted_s - self._came_s, 0.0), came_s - self._wanted_s
         if advance_s < 0.0 and span_s is not None and not self._restart_noted:
             wrapped_s = advance_s + span_s
             unsettled = not self._settled and wrapped_s <= 10.0 * most_s + 10.0
@@ -101,21 +101,21 @@ class WheelClock:
             self._start_over("wheel_restarted", f"the wheel restarted: its uptime is {uptime_s:.3f} s")
         elif self.believed and not self._consistent(advance_s, least_s, most_s, count_s):
             self._jump(advance_s, most_s)
-        return self._take(uptime_s, asked_s, came_s)
+        return self._take(uptime_s, wanted_s, came_s)
 
-    def between_s(self, asked_s: float) -> float:
-        """Wheel time [s] of a reading that came without its uptime, asked for at `asked_s` [s] of the host's clock."""
-        return self._time_s + self.rate * max(asked_s - self._asked_s, 0.0)
+    def between_s(self, wanted_s: float) -> float:
+        """Wheel time [s] of a reading that came without its uptime, asked for at `wanted_s` [s] of the host's clock."""
+        return self._time_s + self.rate * max(wanted_s - self._wanted_s, 0.0)
 
-    def _take(self, uptime_s: float, asked_s: float, came_s: float) -> float:
+    def _take(self, uptime_s: float, wanted_s: float, came_s: float) -> float:
         """Keep a reading as the last one; its time."""
         if self.believed:
             self._time_s = uptime_s + self._wraps_s
         else:
-            self._time_s += max(asked_s - self._asked_s, 0.0)
+            self._time_s += max(wanted_s - self._wanted_s, 0.0)
         self._restart_noted = False
-        self._uptime_s, self._asked_s, self._came_s = uptime_s, asked_s, came_s
-        self._measure_rate(self._time_s, asked_s)
+        self._uptime_s, self._wanted_s, self._came_s = uptime_s, wanted_s, came_s
+        self._measure_rate(self._time_s, wanted_s)
         return self._time_s
 
     def _consistent(self, advance_s: float, least_s: float, most_s: float, count_s: float) -> bool:
@@ -126,8 +126,8 @@ class WheelClock:
             agrees = self._agrees(advance_s, least_s, most_s, so_far, count_s)
             self._nominal = so_far if agrees else self._nominal
         if self._fixed and self._began is not None and agrees:
-            began_s, began_asked_s, began_came_s = self._began
-            total_s, shift_s = self._time_s + advance_s - began_s, self._asked_s - began_asked_s
+            began_s, began_wanted_s, began_came_s = self._began
+            total_s, shift_s = self._time_s + advance_s - began_s, self._wanted_s - began_wanted_s
             least_s += self._came_s - began_came_s if began_came_s < self._came_s else 0.0
             agrees = self._agrees(total_s, least_s, most_s + shift_s, self._nominal, count_s)
         first = not self._settled and self._candidate is None
@@ -147,9 +147,9 @@ class WheelClock:
     @property
     def _rate_so_far(self) -> float:
         """Since the segment began, however short that is."""
-        if self._began is None or self._asked_s <= self._began[1]:
+        if self._began is None or self._wanted_s <= self._began[1]:
             return self._nominal
-        return (self._time_s - self._began[0]) / (self._asked_s - self._began[1])
+        return (self._time_s - self._began[0]) / (self._wanted_s - self._began[1])
 
     @staticmethod
     def _agrees(advance_s: float, least_s: float, most_s: float, rate: float, count_s: float) -> bool:

@@ -40,7 +40,7 @@ class AsciiServer(RegisterServer):
             return replies
         self._says_restarted = False
         assert self.wire_map.restarted is not None
-        return [Reply(self._codec.said(self.wire_map.restarted)), *replies]
+        return [Reply(self._codec.stated(self.wire_map.restarted)), *replies]
 
     def _answer(self, frame: Frame, register: Register | None) -> bytes | None:
         if frame.id >= STARTUP_ID:

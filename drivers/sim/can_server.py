@@ -30,8 +30,8 @@ class CanServer(RegisterServer):
         watchdog_ms = self._layout.file.command.watchdog_ms
         self.watchdog_s = None if watchdog_ms is None else 1e-3 * watchdog_ms
         cycle = self._layout.file.cycle
-        told = dict.fromkeys(m for r in self.wire_map.readable() for m in self._layout.messages_of(r.name))
-        groups = [cycle.messages, *((name,) for name in told if name not in cycle.messages)]
+        reported = dict.fromkeys(m for r in self.wire_map.readable() for m in self._layout.messages_of(r.name))
+        groups = [cycle.messages, *((name,) for name in reported if name not in cycle.messages)]
         self._due = dict.fromkeys(groups, self.plant.time_s)
         if cycle.request is not None:
             del self._due[cycle.messages]
@@ -55,8 +55,8 @@ class CanServer(RegisterServer):
         cycle = self._layout.file.cycle
         if frame.remote:
             first = self._layout.codecs[cycle.messages[0]]
-            asked = cycle.request == "remote" and (frame.id, frame.extended) == (first.id, first.extended)
-            return self._cycle(cycle.messages, time_s) if asked else []
+            wanted = cycle.request == "remote" and (frame.id, frame.extended) == (first.id, first.extended)
+            return self._cycle(cycle.messages, time_s) if wanted else []
         for name, codec in self._layout.codecs.items():
             if (codec.id, codec.extended) == (frame.id, frame.extended):
                 unpacked = codec.unpack(frame)
@@ -68,7 +68,7 @@ class CanServer(RegisterServer):
                     self._obey(name, unpacked[0], unpacked[1] or 0)
         return []
 
-    def unasked(self, time_s: float) -> list[Reply]:
+    def unasked_for(self, time_s: float) -> list[Reply]:
         """What is due to be sent."""
         found: list[Reply] = []
         for group, due_s in self._due.items():
@@ -81,7 +81,7 @@ class CanServer(RegisterServer):
                 found += self._cycle(group, time_s)
         return found
 
-    def next_unasked_s(self, time_s: float) -> float:
+    def next_unasked_for_s(self, time_s: float) -> float:
         """When that is next."""
         return min(self._due.values(), default=math.inf) if self._open else math.inf
 
@@ -135,8 +135,8 @@ class CanServer(RegisterServer):
             sources = self._layout.sources[register.name]
             if not any(source.message in numbers for source in sources.values()):
                 continue
-            told = self._spoilt.telemetry(register, self._telemetry(register), time_s)
-            data = encode_saturated(register, told)
+            reported = self._spoilt.telemetry(register, self._telemetry(register), time_s)
+            data = encode_saturated(register, reported)
             counts = dict(zip((f.name for f in register.fields), register.packing.unpack(data), strict=True))
             for field, source in sources.items():
                 if source.message in numbers:

@@ -119,14 +119,16 @@ def serve_electronics(
     duration_s: of host time [s]. on_ready: called with the device's path when a client can open the link. Signals are
     handled in the main thread only. Raises DriverError where the link cannot be made.
     """
-    asked = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
+    wanted = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
     end_s = None if duration_s is None else time.monotonic() + duration_s
     with _signals() as (signalled, wake):
         server = PtyServer(served, link_path, speed_factor)
         try:
             if on_ready is not None:
                 on_ready(server.pty.device_path)
-            server.run(lambda: signalled.is_set() or asked() or (end_s is not None and time.monotonic() >= end_s), wake)
+            server.run(
+                lambda: signalled.is_set() or wanted() or (end_s is not None and time.monotonic() >= end_s), wake
+            )
         finally:
             server.close()
 

@@ -110,11 +110,11 @@ class RegisterServer:
         self.plant.advance_to(time_s)
         self._spoilt.happen(self, time_s)
 
-    def unasked(self, time_s: float) -> list[Reply]:
+    def unasked_for(self, time_s: float) -> list[Reply]:
         """What the wheel says at `time_s` though nobody asks: nothing, on a line of registers."""
         return []
 
-    def next_unasked_s(self, time_s: float) -> float:
+    def next_unasked_for_s(self, time_s: float) -> float:
         """When it next does; infinity: never."""
         return math.inf
 
@@ -138,8 +138,8 @@ class RegisterServer:
             return bytes((self._write_status(frame, register),))
         if register is None or frame.data:
             return None
-        told = self._spoilt.telemetry(register, self._telemetry(register), self.plant.time_s)
-        return encode_saturated(register, told)
+        reported = self._spoilt.telemetry(register, self._telemetry(register), self.plant.time_s)
+        return encode_saturated(register, reported)
 
     def _write_status(self, frame: Frame, register: Register | None) -> int:
         """Do a write, unless a fault refuses it; the status of its reply."""

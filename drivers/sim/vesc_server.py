@@ -20,7 +20,7 @@ class VescServer(RegisterServer):
         watchdog_ms = self.wire_map.command.watchdog_ms
         self.watchdog_s = None if watchdog_ms is None else 1e-3 * watchdog_ms
         self._turned_rad = abs(self.plant.speed_rad_s) * first_uptime_s
-        self._charge_A_s, self._told_s, self._counted_s = 0.0, self.plant.time_s, self.plant.time_s
+        self._charge_A_s, self._reported_s, self._counted_s = 0.0, self.plant.time_s, self.plant.time_s
 
     def advance_to(self, time_s: float) -> None:
         """Let the wheel run, and count."""
@@ -45,8 +45,8 @@ class VescServer(RegisterServer):
 
     def _telemetry(self, register: Register) -> dict[str, float]:
         values = super()._telemetry(register) | {"turned": self._turned_rad}
-        passed_s = self.plant.time_s - self._told_s
+        passed_s = self.plant.time_s - self._reported_s
         if register.field("current"):
             values["current"] = self._charge_A_s / passed_s if passed_s > 0.0 else self.plant.flowing_A
-            self._charge_A_s, self._told_s = 0.0, self.plant.time_s
+            self._charge_A_s, self._reported_s = 0.0, self.plant.time_s
         return values

@@ -73,28 +73,30 @@ class WheelFaults:
 
     def telemetry(self, register: Register, values: Mapping[str, float], time_s: float) -> dict[str, float]:
         """The SI values that the register tells in place of the true ones."""
-        told = dict(values)
+        reported = dict(values)
         now = self._faults.by_kind(time_s)
         if not now:
-            return told
+            return reported
         for fault in now.get("flag", ()):
-            if "flags" in told and fault.strikes(time_s):
-                told["flags"] = float(int(told["flags"]) | fault.fault.count)
+            if "flags" in reported and fault.strikes(time_s):
+                reported["flags"] = float(int(reported["flags"]) | fault.fault.count)
         for fault in now.get("serial", ()):
-            told["serial_number"] = float(fault.fault.count)
-        wild = self._faults.striking("spike", time_s, register.name) if "speed" in told else None
+            reported["serial_number"] = float(fault.fault.count)
+        wild = self._faults.striking("spike", time_s, register.name) if "speed" in reported else None
         if wild is not None:
-            told["speed"] += wild.random.choice((-1.0, 1.0)) * rad_s_from_rpm(wild.fault.number)
+            reported["speed"] += wild.random.choice((-1.0, 1.0)) * rad_s_from_rpm(wild.fault.number)
         for fault in now.get("value", ()):
             of_this = fault.fault.register in (None, register.name) and register.field(fault.fault.name)
             if of_this and fault.strikes(time_s):
-                told[fault.fault.name] = fault.fault.number
+                reported[fault.fault.name] = fault.fault.number
         for fault in now.get("freeze", ()):
             if fault.fault.register in (None, register.name) and fault.strikes(time_s):
-                before = fault.memory.setdefault(register.name, dict(told))
+                before = fault.memory.setdefault(register.name, dict(reported))
                 name = fault.fault.name
-                told |= {key: old for key, old in before.items() if key == name or (name == "all" and key != "uptime")}
-        return told
+                reported |= {
+                    key: old for key, old in before.items() if key == name or (name == "all" and key != "uptime")
+                }
+        return reported
 
     def reply(self, request: Frame, register: Register | None, data: bytes, time_s: float) -> Frame:
         """The frame that answers a request: seq, id and data as they should be, or as a fault makes them."""

@@ -42,8 +42,8 @@ class BusElectronics:
         """Replies of all wheels to bytes whose last one arrived at a time [s]; usually of one."""
         replies: list[Reply] = []
         for wheel in self.wheels:
-            said = wheel.handle(received, time_s)
-            replies += [] if wheel.faults.on("silence", time_s) else said
+            stated = wheel.handle(received, time_s)
+            replies += [] if wheel.faults.on("silence", time_s) else stated
         return replies
 
     def advance_to(self, time_s: float) -> None:
@@ -51,13 +51,13 @@ class BusElectronics:
         for wheel in self.wheels:
             wheel.advance_to(time_s)
 
-    def unasked(self, time_s: float) -> list[Reply]:
+    def unasked_for(self, time_s: float) -> list[Reply]:
         """What wheels say that nobody asks."""
-        return [reply for wheel in self.wheels for reply in wheel.unasked(time_s)]
+        return [reply for wheel in self.wheels for reply in wheel.unasked_for(time_s)]
 
-    def next_unasked_s(self, time_s: float) -> float:
+    def next_unasked_for_s(self, time_s: float) -> float:
         """When one of them next does; infinity: never."""
-        return min(wheel.next_unasked_s(time_s) for wheel in self.wheels)
+        return min(wheel.next_unasked_for_s(time_s) for wheel in self.wheels)
 
 
 TURNAROUND_S = 0.0005  # from the last byte of a request to the first of its reply
@@ -103,7 +103,7 @@ class WheelLine:
             due_s = min(due_s, now_s + FLOOD_EVERY_S)
         if self._events:
             due_s = min(due_s, self._events[0][0])
-        due_s = min(due_s, self.server.next_unasked_s(now_s))
+        due_s = min(due_s, self.server.next_unasked_for_s(now_s))
         return max(due_s, now_s)
 
     def take(self, content: bytes, now_s: float) -> None:
@@ -122,9 +122,9 @@ class WheelLine:
         if self._faults.on("flood", now_s):
             came = self._stage.junk(FROM, now_s)
             self._push(now_s, RECEIVED, self._stage.junk(TO, now_s))
-        unasked = self.server.unasked(now_s)
-        if unasked:
-            self._send(unasked, now_s)
+        unasked_for = self.server.unasked_for(now_s)
+        if unasked_for:
+            self._send(unasked_for, now_s)
         while self._events and self._events[0][0] <= now_s:
             time_s, _, kind, content = heapq.heappop(self._events)
             if kind == SEND:

@@ -80,7 +80,7 @@ class Bench:
         self._began_s = -control.settling_s
         self._pid = AttitudePid(gains, scenario.wheel.inertia_kg_m2)
         self._period_s = 1.0 / scenario.cycle.rate_hz
-        self._asked_s = -math.inf
+        self._wanted_s = -math.inf
         self._request_rad_s2 = 0.0
         self._rows: list[tuple[float, float, float, float]] = []
         self._currents: list[float] = []
@@ -94,8 +94,8 @@ class Bench:
         """The wheel's acceleration [rad/s^2] that attitude control asks for; a new one at its own rate only."""
         now_s = tick.sample.time_s
         truth = self._truth(now_s)
-        if now_s - self._asked_s >= 0.999 * self._period_s:
-            self._asked_s = now_s
+        if now_s - self._wanted_s >= 0.999 * self._period_s:
+            self._wanted_s = now_s
             self._request_rad_s2 = self._pid.request_rad_s2(now_s + self._began_s, self._gyro.read(now_s, truth))
         wheel = self._wheel.truth
         self._rows.append((now_s + self._began_s, truth.attitude_rad, wheel.speed_rad_s, self._request_rad_s2))

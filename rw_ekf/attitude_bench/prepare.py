@@ -75,7 +75,9 @@ def _texts(scenario: Scenario, model: WheelModel) -> list[str]:
 def _text(scenario: Scenario, term: Term) -> str:
     """One effect of a model as the simulated wheel takes it, sine and cosine as one: "ID:name=value,..."."""
     unknown = [[0.0] * len(term.values)] * len(term.values)
-    named = {name: told["value"] for name, told in term.described(unknown).items() if name not in _OF_THE_RECORD}
+    named = {
+        name: reported["value"] for name, reported in term.described(unknown).items() if name not in _OF_THE_RECORD
+    }
     if "onset_s" in named:
         reversal_s = scenario.reversal_s
         at_s = 0.0 if reversal_s is None else reversal_s - _SPIKE_BEFORE_REVERSAL_S

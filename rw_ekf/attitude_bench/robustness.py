@@ -99,10 +99,10 @@ def sweep_all(
     model = models.get(noise_rpm)
     rivals = [BASELINE, *(name for name in schemes if name != BASELINE)]
     conditions = {(sweep.id, level): sweep.at(fixed, level) for sweep in sweeps for level in sweep.levels}
-    told = {
+    reported = {
         place: {} if model is None else {there.cycle.speed_noise_rpm[0]: model} for place, there in conditions.items()
     }
-    peaks = hold_runs(rivals, conditions, seeds, told, tick)
+    peaks = hold_runs(rivals, conditions, seeds, reported, tick)
     found = []
     for sweep in sweeps:
         for name in rivals[1:]:

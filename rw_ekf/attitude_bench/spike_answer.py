@@ -98,9 +98,9 @@ def _answer(with_spike: BenchRun, without: BenchRun, spike: Spike) -> SpikeAnswe
     after = time_s >= spike.onset_s
     attitude_deg = np.abs(np.degrees(with_spike.attitude_rad[:n] - without.attitude_rad[:n]))[after]
     recover_s = recovered_s(time_s[after], attitude_deg, RECOVERED_DEG, spike.onset_s)
-    asked = (with_spike.request_rad_s2[:n] - without.request_rad_s2[:n])[:-1] * np.diff(time_s)
+    wanted = (with_spike.request_rad_s2[:n] - without.request_rad_s2[:n])[:-1] * np.diff(time_s)
     reached = with_spike.wheel_rad_s[:n] - without.wheel_rad_s[:n]
-    error_rpm = float(np.abs(np.concatenate([[0.0], np.cumsum(asked)]) - reached).max()) / rad_s_from_rpm(1.0)
+    error_rpm = float(np.abs(np.concatenate([[0.0], np.cumsum(wanted)]) - reached).max()) / rad_s_from_rpm(1.0)
     return SpikeAnswer(float(attitude_deg.max()), recover_s, error_rpm, error_rpm / rate_error_threshold_rpm())
 
 

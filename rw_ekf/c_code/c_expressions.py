@@ -64,7 +64,7 @@ _MATHS = frozenset(
         "atanh erf erfc floor ceil trunc fabs fmod copysign hypot",
     )
 )
-_ASKED = frozenset({"isnan", "isinf", "isfinite"})
+_WANTED = frozenset({"isnan", "isinf", "isfinite"})
 _RESERVED = _MATHS | frozenset(
     re.findall(
         r"\w+",
@@ -264,9 +264,9 @@ class Scope:
             return self._joined([self._related(one, ast.Eq(), choice) for choice in choices], "||", True)
         sign, reckon = _COMPARED[type(op)]
         if left.possible is not None and right.possible is not None:
-            told = {bool(reckon(a, b)) for a in left.possible for b in right.possible}
-            if len(told) == 1:
-                return self.program.number(told.pop(), BOOL)
+            reported = {bool(reckon(a, b)) for a in left.possible for b in right.possible}
+            if len(reported) == 1:
+                return self.program.number(reported.pop(), BOOL)
         elif left.is_known and right.is_known:
             return self.program.number(bool(reckon(left.known, right.known)), BOOL)
         of = wider(left.type, right.type)
@@ -350,7 +350,7 @@ class Scope:
         return self.program.filled(base.type, parts)
 
     def _of_math(self, name: str, parts: list[Value]) -> Value:
-        if name in _ASKED:
+        if name in _WANTED:
             return Value(f"{name}({parts[0].code})", BOOL)
         if name not in _MATHS:
             raise NotPrintableError(f"math.{name} is not printed")

@@ -45,9 +45,9 @@ def compiler() -> list[str]:
     named = os.environ.get(COMPILER_VARIABLE) or os.environ.get("CC")
     command = _found(named, os.environ.get("PATH", ""))
     if command is None:
-        told = f", as {COMPILER_VARIABLE} or CC is {named!r}" if named else ""
+        reported = f", as {COMPILER_VARIABLE} or CC is {named!r}" if named else ""
         raise CompilerError(
-            f"no C compiler is found{told}: install one (gcc, clang, or pip install ziglang), or name it in "
+            f"no C compiler is found{reported}: install one (gcc, clang, or pip install ziglang), or name it in "
             f"{COMPILER_VARIABLE}"
         )
     return command
@@ -71,10 +71,10 @@ def _found(named: str | None, path: str) -> list[str] | None:
 
 def folders() -> Iterator[Path]:
     """Where libraries are kept, the first first: as told, or beside the program, else with the user."""
-    told = os.environ.get(FOLDER_VARIABLE)
+    reported = os.environ.get(FOLDER_VARIABLE)
     package = Path(__file__).resolve().parents[1]
-    if told:
-        yield Path(told)
+    if reported:
+        yield Path(reported)
     else:
         yield package / "__pycache__"
         with contextlib.suppress(RuntimeError):  # a user without a home
@@ -115,13 +115,13 @@ class Compilation:
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rw-ekf-", ignore_cleanup_errors=True))
                 source = Path(folder) / f"{name}.c"
                 source.write_text(text, encoding="utf-8")
-                self._made, self._said = source.with_suffix(".so"), source.with_suffix(".said")
+                self._made, self._stated = source.with_suffix(".so"), source.with_suffix(".said")
                 # A session of its own: Ctrl-C at the terminal is for the parent, which kills what it started. What it
                 # says goes into a file, as nobody reads while it works; what it leaves lies in the folder.
-                with self._said.open("wb") as said:
+                with self._stated.open("wb") as stated:
                     self.process = subprocess.Popen(
                         [*command, *FLAGS, "-o", str(self._made), str(source), "-lm"], start_new_session=True,
-                        stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=os.environ | {"TMPDIR": folder},
+                        stdin=subprocess.DEVNULL, stdout=stated, stderr=stated, env=os.environ | {"TMPDIR": folder},
                     )  # fmt: skip
             except OSError as error:
                 raise CompilerError(f"{error.filename or 'TMPDIR'}: {error.strerror or error}") from None
@@ -141,8 +141,8 @@ class Compilation:
         status = self.process.wait()
         try:
             if status != 0 or not self._made.exists():
-                said = self._said.read_text(encoding="utf-8", errors="replace").strip().partition("\n")[0]
-                raise CompilerError(f"{self._command}: {said or f'status {status}, and no library'}")
+                stated = self._stated.read_text(encoding="utf-8", errors="replace").strip().partition("\n")[0]
+                raise CompilerError(f"{self._command}: {stated or f'status {status}, and no library'}")
             return self._keep(self._made.read_bytes())
         except OSError as error:
             raise CompilerError(f"what {self._command} made: {error.strerror or error}") from None

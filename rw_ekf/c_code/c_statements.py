@@ -19,18 +19,18 @@ class Body(Stores):
         """Print the body."""
         body = self.source.tree.body
         if isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-            self._told = body[0].end_lineno or 0
+            self._reported = body[0].end_lineno or 0
             body = body[1:]
         else:
-            self._told = self.source.tree.body[0].lineno - 1
+            self._reported = self.source.tree.body[0].lineno - 1
         self.ends = self._block(body)
 
     def _comment(self, node: ast.stmt) -> None:
         last = node.lineno if hasattr(node, "body") else (node.end_lineno or node.lineno)
-        for line in range(self._told + 1, last + 1):
+        for line in range(self._reported + 1, last + 1):
             if line in self.source.comments:
                 self._line(f"/* {self.source.comments[line].replace('*/', '* /')} */")
-        self._told = max(self._told, last)
+        self._reported = max(self._reported, last)
 
     def _block(self, nodes: list[ast.stmt]) -> bool:
         """Print statements; whether none that follows would be reached."""
@@ -71,9 +71,9 @@ class Body(Stores):
             taken = node.body if test.known else node.orelse
             if test.known:
                 self._comment(node)
-            self._told = max(self._told, (taken[0].lineno - 1) if taken else (node.end_lineno or 0))
+            self._reported = max(self._reported, (taken[0].lineno - 1) if taken else (node.end_lineno or 0))
             ended = self._block(taken)
-            self._told = max(self._told, node.end_lineno or 0)
+            self._reported = max(self._reported, node.end_lineno or 0)
             return ended
         self._comment(node)
         self._line(f"if ({test.code}) {{")
@@ -125,7 +125,7 @@ class Body(Stores):
         start, stop = (self.program.number(0, INT), parts[0]) if len(parts) == 1 else (parts[0], parts[1])
         step = parts[2].known if len(parts) == 3 else 1
         if start.is_known and stop.is_known and len(range(start.known, stop.known, step)) == 0:
-            self._told = max(self._told, node.end_lineno or 0)
+            self._reported = max(self._reported, node.end_lineno or 0)
             return
         counter = c_name(name.id) if name.id != "_" else "turn"
         guard = ""

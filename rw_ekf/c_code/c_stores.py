@@ -68,7 +68,7 @@ class Stores:
         self._parameters = parameters
         self._temporaries = 0
         self._whiles = 0
-        self._told = 0  # line up to which comments are carried over
+        self._reported = 0  # line up to which comments are carried over
         self.ends = False
 
     @property

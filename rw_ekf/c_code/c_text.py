@@ -43,8 +43,8 @@ def definitions(program: Program, start: str, extra: str = "") -> str:
     )
     inner = program.structs.keys() - _structures_of(_public(program))
     views = "".join(of.definition for of in program.views.values())
-    asked = [name for name in program.structs if re.search(rf"\b{name}\b", text + extra)]
-    named = {of for name in asked for of in _within(program.structs[name][0])}
+    wanted = [name for name in program.structs if re.search(rf"\b{name}\b", text + extra)]
+    named = {of for name in wanted for of in _within(program.structs[name][0])}
     structures = views + "".join(_structure(program, name) for name in program.structs if name in inner & named)
     builtins = "\n".join(body for name, body in program.builtins.items() if f"{name}(" in text)
     macros = "".join(

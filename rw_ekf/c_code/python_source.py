@@ -48,9 +48,9 @@ def _comments(text: str) -> dict[int, str]:
     found: dict[int, str] = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
-            said = token.string.lstrip("# ").strip()
-            if said and not said.startswith(_NO_WORDS):
-                found[token.start[0]] = said
+            stated = token.string.lstrip("# ").strip()
+            if stated and not stated.startswith(_NO_WORDS):
+                found[token.start[0]] = stated
     return found
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from rw_ekf.checking.section import SAID, Section
+from rw_ekf.checking.section import STATED, Section
 from rw_ekf.checking.wording import shown, suggestion
 from rw_ekf.checking.yaml_loader import PathTuple, YamlDocument
 from rw_ekf.errors import ConfigError
@@ -95,13 +95,13 @@ def _finding(model: type[BaseModel], detail: ErrorDetails, where: Where, where_k
     if kind == "missing":
         meaning = f": {description}" if description else ""
         return f"{where_key(path)}: {key} is required{meaning}; there is no default"
-    meaning = f" ({description})" if description and kind != SAID else ""
+    meaning = f" ({description})" if description and kind != STATED else ""
     return f"{where(path)}: {key}{' ' if key else ''}{_fault(kind, found, detail)}{meaning}"
 
 
 def _fault(kind: str, found: object, detail: ErrorDetails) -> str:
     context: dict[str, Any] = detail.get("ctx", {})
-    if kind == SAID:
+    if kind == STATED:
         return detail["msg"]
     if kind in _BOUNDS:
         name, words = _BOUNDS[kind]

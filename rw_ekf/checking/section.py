@@ -13,7 +13,7 @@ from rw_ekf.checking.yaml_loader import PathTuple
 
 Mistake = tuple[PathTuple, str]  # a path below what is validated, and the words that follow the key
 
-SAID = "said"  # kind of a mistake that brings its own words
+STATED = "said"  # kind of a mistake that brings its own words
 
 
 class Section(BaseModel):
@@ -25,7 +25,7 @@ class Section(BaseModel):
 def refuse(mistakes: Iterable[Mistake]) -> None:
     """Raise, in a validator, all that it found; nothing where it found nothing."""
     details = [
-        InitErrorDetails(type=PydanticCustomError(SAID, "{words}", {"words": words}), loc=path, input=None)
+        InitErrorDetails(type=PydanticCustomError(STATED, "{words}", {"words": words}), loc=path, input=None)
         for path, words in mistakes
     ]
     if details:

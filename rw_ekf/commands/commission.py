@@ -117,7 +117,7 @@ class Terminal:
     def number(self, question: str, suggested: float) -> float | None:
         """Ask for a number above zero; what is suggested is taken with Enter."""
         while self._is_there:
-            answer = self._asked(f"{question} [{suggested:g}]: ")
+            answer = self._wanted(f"{question} [{suggested:g}]: ")
             if answer is None:
                 return None
             if not answer:
@@ -132,7 +132,7 @@ class Terminal:
         """Ask for one of several, by its number."""
         listed = "\n".join(f"  {number}: {name}" for number, name in enumerate(names, 1))
         while self._is_there:
-            answer = self._asked(f"{question}\n{listed}\nnumber: ")
+            answer = self._wanted(f"{question}\n{listed}\nnumber: ")
             if not answer:
                 return None
             if answer.isdecimal() and 1 <= int(answer) <= len(names):
@@ -141,19 +141,19 @@ class Terminal:
 
     def agree(self, question: str) -> bool | None:
         """Ask for a yes, in full."""
-        answer = self._asked(f"{question} [yes/no]: ") if self._is_there else None
+        answer = self._wanted(f"{question} [yes/no]: ") if self._is_there else None
         return None if answer is None else answer.lower() in ("y", "yes")
 
     def tachometer(self, question: str) -> Callable[[], float | str | None] | None:
         """Ask without waiting: the wheel turns meanwhile."""
         if not self._is_there:
             return None
-        asked = False
+        wanted = False
 
         def poll() -> float | str | None:
-            nonlocal asked
-            if not asked:
-                asked = True
+            nonlocal wanted
+            if not wanted:
+                wanted = True
                 self._put(f"{question}: ")
             if not select.select([sys.stdin], [], [], 0.0)[0]:
                 return None
@@ -163,12 +163,12 @@ class Terminal:
             try:
                 return _above_zero(answer)
             except argparse.ArgumentTypeError:
-                asked = False
+                wanted = False
                 return None
 
         return poll
 
-    def _asked(self, question: str) -> str | None:
+    def _wanted(self, question: str) -> str | None:
         self._put(question)
         answer = sys.stdin.readline()
         return answer.strip() if answer else None

@@ -62,8 +62,8 @@ def execute(args: argparse.Namespace) -> int:
         )  # fmt: skip
     refused = args.out is not None and found.refusal is not None
     if refused:
-        said = f"{args.out} was not written, because {found.refusal}"
-        found = replace(found, warnings=(*found.warnings, said))
+        stated = f"{args.out} was not written, because {found.refusal}"
+        found = replace(found, warnings=(*found.warnings, stated))
     elif args.out is not None:
         found.save(args.out)
     answer(args, found.document, found.text)

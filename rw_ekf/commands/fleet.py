@@ -36,8 +36,8 @@ ACTIONS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    said = "; ".join(f"{name}: {what}" for name, what in ACTIONS.items())
-    parser.add_argument("action", choices=list(ACTIONS), help=said)
+    stated = "; ".join(f"{name}: {what}" for name, what in ACTIONS.items())
+    parser.add_argument("action", choices=list(ACTIONS), help=stated)
     parser.add_argument("directory", metavar="DIR", help="directory of logs, or the fleet's folder in it")
     parser.add_argument("-o", "--out", metavar="DIR", help="the fleet's folder (default: `fleet` in the directory)")
     parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of foreign logs; see docs/logs.md")

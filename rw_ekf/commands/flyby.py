@@ -78,6 +78,6 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.flyby.flyby_picture import plan_picture
 
         whole = drawn(lambda: plan_picture(args.out, flyby, cases))
-    said = (flyby, cases, args.avoid)
-    answer(args, lambda: plan_document(*said), lambda: plan_text(*said))
+    stated = (flyby, cases, args.avoid)
+    answer(args, lambda: plan_document(*stated), lambda: plan_text(*stated))
     return 0 if whole else 1

@@ -34,15 +34,15 @@ def execute(args: argparse.Namespace) -> int:
     found = [] if args.port is not None else serial_ports()
     port = args.port or (found[0] if found else _PLACEHOLDER)
     _write_new(args.out, _text(port, found[1:]))
-    said = f"wheel.port is {port}"
+    stated = f"wheel.port is {port}"
     if port == _PLACEHOLDER:
-        said = f"no serial port was found: wheel.port is a placeholder, {port}"
+        stated = f"no serial port was found: wheel.port is a placeholder, {port}"
     elif len(found) > 1:
-        said = f"{len(found)} serial ports were found: {said}, and the others stand beside it"
+        stated = f"{len(found)} serial ports were found: {stated}, and the others stand beside it"
     out = shown_path(args.out)
     then = f"set limits.current_A in it and look at the rest; then: rw-ekf check-config {out}"
     document = {"schema": "rw_ekf.init/1", "out": args.out, "port": port, "found": found}
-    answer(args, lambda: document, lambda: f"{out} written; {said}\n{then}")
+    answer(args, lambda: document, lambda: f"{out} written; {stated}\n{then}")
     return 0
 
 

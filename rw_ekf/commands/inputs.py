@@ -179,8 +179,8 @@ def tell_of_log(log: WheelLog | LongLog) -> None:
     from rw_ekf.logs.wheel_log import WheelLog
 
     sources = log.sources.items() if isinstance(log, WheelLog) else ()
-    told = "; ".join(f"{name} is column {source.column!r}" for name, source in sources if source.kind != "constant")
-    STATUS.tell(f"has read {log.name}: {len(log)} rows{f'; {told}' if told else ''}")
+    reported = "; ".join(f"{name} is column {source.column!r}" for name, source in sources if source.kind != "constant")
+    STATUS.tell(f"has read {log.name}: {len(log)} rows{f'; {reported}' if reported else ''}")
 
 
 def read_column_map(columns: str | None) -> ColumnMap:

@@ -72,8 +72,8 @@ def _report(wheels: list[BusWheel], *, json: bool) -> None:
         print_json({"schema": SCHEMA, "wheels": entries})
     else:
         for wheel, warnings in found:
-            said = f"  {wheel.failure}\n" if wheel.outcome is None else report_text(wheel.outcome, warnings or [])
-            sys.stdout.write(f"{wheel.name}\n{said}")
+            stated = f"  {wheel.failure}\n" if wheel.outcome is None else report_text(wheel.outcome, warnings or [])
+            sys.stdout.write(f"{wheel.name}\n{stated}")
 
 
 def _status(wheels: list[BusWheel]) -> int:

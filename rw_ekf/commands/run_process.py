@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from rw_ekf.clock import Clock, SystemClock
 from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.stop_signal import StopSignal
-from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
+from rw_ekf.live.stop_word import REPORTED_TO_STOP, stop_requested
 
 if TYPE_CHECKING:
     import argparse
@@ -47,10 +47,10 @@ def claimed(port: str, heartbeat: Heartbeat | None) -> Iterator[Claimed | None]:
     """
     clock = SystemClock()
     with StopSignal() as stop, PortClaim(port, clock) as claim:
-        if told_to_stop(port):
+        if stop_requested(port):
             if heartbeat is not None:
-                heartbeat.told()
-            sys.stderr.write(f"rw-ekf: {TOLD_TO_STOP}\n")
+                heartbeat.reported()
+            sys.stderr.write(f"rw-ekf: {REPORTED_TO_STOP}\n")
             yield None
             return
         with contextlib.suppress(OSError, ValueError, RuntimeError, AttributeError):  # where there is no standard error
@@ -79,7 +79,7 @@ def supervised(configurations: tuple[Configuration, ...], args: argparse.Namespa
     try:
         return run(heartbeat=born.heartbeat, keep_safe=args.keep_safe or born.before > 0)
     except RwEkfError:
-        born.heartbeat.told()
+        born.heartbeat.reported()
         raise
 
 

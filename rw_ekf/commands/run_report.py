@@ -25,7 +25,7 @@ def exit_status(outcome: RunOutcome) -> int:
     return 1 if outcome.unwritten else 0
 
 
-def _said_while_running(outcome: RunOutcome) -> list[str]:
+def _remarks_of_run(outcome: RunOutcome) -> list[str]:
     """Sentences for the document that a person has already read on standard error, as they came."""
     unconfirmed = "the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again"
     return [*([] if outcome.zero_confirmed else [unconfirmed]), *outcome.alarms]
@@ -36,7 +36,7 @@ def warnings_of(outcome: RunOutcome) -> list[str]:
     from rw_ekf.errors import RwEkfError
     from rw_ekf.residual_judgement import consistency_now
 
-    found = _said_while_running(outcome)
+    found = _remarks_of_run(outcome)
     if outcome.lost:
         found.append("the link to the wheel was lost to the end of the run")
     if outcome.link.reconnects > 0 and not outcome.lost:
@@ -73,9 +73,9 @@ def report_text(outcome: RunOutcome, warnings: list[str], afterwards: Callable[[
     """For a person, without what standard error has told already. afterwards: one more line, from the log's name."""
     from rw_ekf.documents import entry_text
 
-    said = _said_while_running(outcome)
+    stated = _remarks_of_run(outcome)
     entry = _entry(outcome, warnings)
-    entry |= {"log": shown_path(outcome.files.log), "warnings": [text for text in warnings if text not in said]}
+    entry |= {"log": shown_path(outcome.files.log), "warnings": [text for text in warnings if text not in stated]}
     lines = [entry_text(entry, outcome.statistics, outcome.belief, outcome.setup)]
     if outcome.alarms:
         lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")

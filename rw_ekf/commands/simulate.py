@@ -126,8 +126,8 @@ def _wheel(args: argparse.Namespace) -> int:
         return _bus(args, configurations)
     faults = parse_faults(args.fault)
     configuration = configurations[0] if configurations else None
-    asked = [text for group in args.effect for text in group]
-    effects, law, numbers = with_own_formulas(asked, read_own_formulas(args.effect_file))
+    wanted = [text for group in args.effect for text in group]
+    effects, law, numbers = with_own_formulas(wanted, read_own_formulas(args.effect_file))
     plant = plant_of(configuration, effects)
     noise = _noise(configuration)
     protocol = load_protocol("sunspace-wheel") if configuration is None else spoken_by(configuration)
@@ -208,8 +208,8 @@ def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) ->
     wrong = [text for _, _, text in beyond_line(configurations, protocols)]
     if wrong:
         raise ConfigError(wrong)
-    asked = [text for group in args.effect for text in group]
-    effects, law, numbers = with_own_formulas(asked, read_own_formulas(args.effect_file))
+    wanted = [text for group in args.effect for text in group]
+    effects, law, numbers = with_own_formulas(wanted, read_own_formulas(args.effect_file))
     wheels = []
     for index, (configuration, protocol) in enumerate(zip(configurations, protocols, strict=True)):
         own: dict[str, Any] = {
@@ -222,7 +222,7 @@ def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) ->
         wheels.append((protocol, plant_of(configuration, effects), own))
 
     def ready(device: str) -> None:
-        told = [
+        reported = [
             {
                 "wheel": name,
                 "seed": own["seed"],
@@ -238,7 +238,7 @@ def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) ->
             "device": device,
             "speed_factor": args.speed_factor,
             "faults": [fault.text for fault in of_line],
-            "wheels": told,
+            "wheels": reported,
         }
         text = f"simulated wheels {', '.join(names)} at {args.link} ({device}); Ctrl-C ends them"
         answer(args, lambda: document, lambda: text)

@@ -76,24 +76,24 @@ def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
 
 
 def _document(found: Published) -> dict[str, Any]:
-    told = found.document
-    compensation = {"compensation": told["compensation"]} if "compensation" in told else {}
+    reported = found.document
+    compensation = {"compensation": reported["compensation"]} if "compensation" in reported else {}
     return {
         "schema": "rw_ekf.status/1",
         "alive": found.alive,
-        "pid": told["pid"],
-        "utc": told.get("utc"),
-        "dead_since_utc": None if found.alive else told.get("ended_utc") or told.get("utc"),
-        "ended_utc": told.get("ended_utc"),
+        "pid": reported["pid"],
+        "utc": reported.get("utc"),
+        "dead_since_utc": None if found.alive else reported.get("ended_utc") or reported.get("utc"),
+        "ended_utc": reported.get("ended_utc"),
         "state": found.run_state,
-        "since_utc": told.get("since_utc"),
-        "reason": str(told.get("reason")),
-        "link": told.get("link"),
-        "alarms": told.get("alarms", []),
-        "estimate": {key: told.get(key) for key in ("time_s", "outcome", "state", "std")},
-        "current_command_A": told.get("current_command_A"),
-        "temperature_degC": told.get("temperature_degC"),
-        "log": told.get("log"),
+        "since_utc": reported.get("since_utc"),
+        "reason": str(reported.get("reason")),
+        "link": reported.get("link"),
+        "alarms": reported.get("alarms", []),
+        "estimate": {key: reported.get(key) for key in ("time_s", "outcome", "state", "std")},
+        "current_command_A": reported.get("current_command_A"),
+        "temperature_degC": reported.get("temperature_degC"),
+        "log": reported.get("log"),
         **compensation,
     }
 
@@ -154,7 +154,7 @@ def _lines(document: dict[str, Any]) -> list[str]:
     lines = [_headline(document)]
     state, std = ((document["estimate"] or {}).get(key) or {} for key in ("state", "std"))
     shown = ("speed_rad_s", *PARAMETER_NAMES)
-    if all(told.get(name) is not None for told in (state, std) for name in shown):
+    if all(reported.get(name) is not None for reported in (state, std) for name in shown):
         current = document["current_command_A"]
         commanded = "not known" if current is None else f"{1e3 * current:+.1f} mA"
         lines.append(f"  speed {rpm_from_rad_s(state['speed_rad_s']):+.1f} rpm, current {commanded}")
@@ -162,11 +162,11 @@ def _lines(document: dict[str, Any]) -> list[str]:
     link = document["link"]
     if link is not None:
         counts = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
-        told = ", ".join(
+        reported = ", ".join(
             f"{value} {name}" for name, value in counts.items() if value is not None and name not in _LINK_WORDS
         )
         bus = f", bus {link['bus']}" if link.get("bus") else ""
-        lines.append(f"  line {link.get('state') or 'opened'}{bus}: {told}")
+        lines.append(f"  line {link.get('state') or 'opened'}{bus}: {reported}")
         if link.get("trouble"):
             lines.append(f"  {link['trouble']}")
     compensation = document.get("compensation")

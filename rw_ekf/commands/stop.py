@@ -52,7 +52,7 @@ def execute(args: argparse.Namespace) -> int:
             f"{port}: {_done(report)}zero was sent but {_who(line, confirmed)} confirmed it within {_TRY_S:g} s{doubts}"
             "; check the port, try again, or cut its power" + _still(report)
         )
-    unsure = [*line.doubts, *_not_told_apart(line)]
+    unsure = [*line.doubts, *_indistinguishable(line)]
     if unsure and (len(line.wheels) > 1 or line.names_wheels):  # of one wheel the confirmation is its own
         why = "; ".join(text.rstrip(".") for text in unsure)
         raise DriverError(
@@ -74,7 +74,7 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def _not_told_apart(line: LineConfiguration) -> list[str]:
+def _indistinguishable(line: LineConfiguration) -> list[str]:
     """Wheels of the line that one zero may have been for two of."""
     from rw_ekf.attach.wire import beyond_line, spoken_by
 
@@ -108,8 +108,10 @@ def _zero(line: LineConfiguration, report: HolderReport, clock: Clock) -> list[b
             for wheel in line.wheels
         ]
     except ConfigError as error:
-        said = f"{port}: {_done(report)}zero could not be written, because the wire map cannot be used{_still(report)}"
-        raise ConfigError([*error.findings, said]) from None
+        stated = (
+            f"{port}: {_done(report)}zero could not be written, because the wire map cannot be used{_still(report)}"
+        )
+        raise ConfigError([*error.findings, stated]) from None
     try:
         return zero_each(openers, clock, _TRY_S, lambda event, text: _warn([text]))
     except DriverError as error:

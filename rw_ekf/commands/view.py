@@ -68,7 +68,7 @@ def execute(args: argparse.Namespace) -> int:
     def tell(address: str) -> None:
         answer(args, lambda: {"schema": "rw_ekf.view/1", "address": address}, lambda: address)
 
-    serve(place, host, port, told=tell)
+    serve(place, host, port, reported=tell)
     return 0
 
 

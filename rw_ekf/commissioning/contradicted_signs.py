@@ -101,9 +101,9 @@ def turned_signs(gain: float, ratios: Ratios) -> dict[tuple[str, str], float]:
         "measured": ratios.measured is not None and ratios.measured < 0.0,
         "echo": ratios.echo is not None and ratios.echo < 0.0,
     }
-    told = [name for name, ratio in (("measured", ratios.measured), ("echo", ratios.echo)) if ratio is not None]
+    reported = [name for name, ratio in (("measured", ratios.measured), ("echo", ratios.echo)) if ratio is not None]
     factors = {}
-    if against["speed"] and told and all(against[name] for name in told):
+    if against["speed"] and reported and all(against[name] for name in reported):
         factors["current_command", WRITE] = -1.0  # the command stands alone
     else:
         keys = {"speed": "speed", "measured": "current", "echo": "current_command"}

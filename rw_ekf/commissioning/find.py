@@ -51,8 +51,8 @@ class Found:
     def answered(self) -> int:
         """How many quantities it told: of two maps that fit, the one that says more is the wheel's."""
         sample = self.sample
-        told = (sample.current_A, sample.current_command_A, sample.temperature_degC, sample.bus_voltage_V)
-        return sum(value is not None for value in (*told, sample.angle_rad, sample.pressure_Pa))
+        reported = (sample.current_A, sample.current_command_A, sample.temperature_degC, sample.bus_voltage_V)
+        return sum(value is not None for value in (*reported, sample.angle_rad, sample.pressure_Pa))
 
     def document(self) -> dict[str, Any]:
         """As commission.json has it."""
@@ -77,13 +77,13 @@ class Found:
     def text(self) -> str:
         """For a person."""
         who = "" if self.identity is None else f", serial number {self.identity.get('serial_number')}"
-        told = ", ".join(
+        reported = ", ".join(
             f"{name.rpartition('_')[0]} {value:.4g} {name.rpartition('_')[2]}"
             for name, value in self.document()["telemetry"].items()
             if value is not None
         )
         baud = "its own baud" if self.baud is None else f"{self.baud} baud"
-        return f"{self.port} answers through {self.protocol} at {baud}{who}; {told}"
+        return f"{self.port} answers through {self.protocol} at {baud}{who}; {reported}"
 
 
 def shipped_maps() -> list[str]:

@@ -124,8 +124,8 @@ def _first_moved(work: Work, ratio: float | None) -> Moved:
             moved = _moved(work, ratio, path)
         except OppositeError:  # it is the other field that confirms a command
             continue
-        told = getattr(moved.ratios, name)
-        return moved._replace(ratios=moved.ratios._replace(**{name: None if told is None else -told}))
+        reported = getattr(moved.ratios, name)
+        return moved._replace(ratios=moved.ratios._replace(**{name: None if reported is None else -reported}))
     raise opposite
 
 
@@ -207,10 +207,10 @@ def _ramp(bench: Bench, side: float, most_A: float, rest_rad_s: float) -> list[R
 def _believed(fit: MotionFit | None) -> MotionFit:
     """The fit, where it shows a motor. Raises RefusedError."""
     if fit is None or fit.sigmas < _SURE:
-        said = "none" if fit is None else f"{plus_minus(fit.gain, fit.gain_std)} rad/s^2/A"
+        stated = "none" if fit is None else f"{plus_minus(fit.gain, fit.gain_std)} rad/s^2/A"
         raise RefusedError(
-            f"pulses up to the current limit show no motion that follows from them (gain {said}): is the speed reading "
-            "the wheel's, and does the current reach the motor?"
+            f"pulses up to the current limit show no motion that follows from them (gain {stated}): is the speed "
+            "reading the wheel's, and does the current reach the motor?"
         )
     if not _GAINS[0] < abs(fit.gain) < _GAINS[1]:
         raise RefusedError(
@@ -256,25 +256,25 @@ def _held(work: Work, moved: Moved, path: str, target: float) -> float:
         bench.run(to_rest(work.still.rest_rad_s, 0.5 * most_A), _REST_AT_MOST_S)
     last_s = rows[-1].time_s if rows else 0.0
     held = [row.speed_rad_s for row in rows if row.speed_rad_s is not None and row.time_s > last_s - _HELD_S]
-    told = answer[0]
-    if not isinstance(told, float) or told <= 0.0 or not held:
+    reported = answer[0]
+    if not isinstance(reported, float) or reported <= 0.0 or not held:
         raise RefusedError(UNKNOWN)
-    return abs(told / rpm_from_rad_s(float(np.mean(held))))
+    return abs(reported / rpm_from_rad_s(float(np.mean(held))))
 
 
 def _checked(moved: Moved, unit: str) -> list[str]:
     """What was held against what, in sentences, and what could not be."""
     ratios = moved.ratios
-    told = [f"speed against current: the gain is {moved.fit.sigmas:.0f} standard deviations from zero"]
+    reported = [f"speed against current: the gain is {moved.fit.sigmas:.0f} standard deviations from zero"]
     for name, ratio in (
         ("measured current over command", ratios.measured),
         ("command as telemetry tells it, over command", ratios.echo),
         ("rate of the angle over speed", ratios.angle),
     ):
-        told.append(f"{name}: {'not in the telemetry' if ratio is None else f'{ratio:.3g}'}")
+        reported.append(f"{name}: {'not in the telemetry' if ratio is None else f'{ratio:.3g}'}")
     if ratios.measured is None:
-        told.append(f"nothing on the line bears out that the current is in {unit}")
-    return told
+        reported.append(f"nothing on the line bears out that the current is in {unit}")
+    return reported
 
 
 def _turned_text(turned: dict[tuple[str, str], float]) -> str:

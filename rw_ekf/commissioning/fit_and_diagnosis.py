@@ -55,14 +55,14 @@ def make_model(work: Work, advance: Callable[[str], object]) -> dict[str, Any]:
 
 
 def _document(fit: Fit, found: Diagnosis, name_of_model: str, model: WheelModel) -> dict[str, Any]:
-    told = {item.name: item.identifiable for item in fit.reports}
+    reported = {item.name: item.identifiable for item in fit.reports}
     better = name_of_model != MODEL_FILE
-    said = () if better else fit.warnings  # the four parameters alone lack what the better model has
+    stated = () if better else fit.warnings  # the four parameters alone lack what the better model has
     kind, name, statement = verdict_of(found.document())
     return {
         "file": name_of_model,
         "parameters": {
-            key: {"value": value, "std": std, "unit": unit, "identifiable": told.get(key, True)}
+            key: {"value": value, "std": std, "unit": unit, "identifiable": reported.get(key, True)}
             for key, (value, std, unit) in model.numbers.items()
         },
         "noise": fit.document()["noise"],
@@ -73,7 +73,7 @@ def _document(fit: Fit, found: Diagnosis, name_of_model: str, model: WheelModel)
             "effects": list(found.verdict.get("effects") or ()),
             "statement": statement,
         },
-        "warnings": list(dict.fromkeys((*said, *map(str, found.document().get("warnings") or ())))),
+        "warnings": list(dict.fromkeys((*stated, *map(str, found.document().get("warnings") or ())))),
     }
 
 

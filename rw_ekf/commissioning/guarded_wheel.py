@@ -149,11 +149,11 @@ class Bench:
             self._warn(event, **context)
 
     def _turn(self, move: Move, sample: WheelSample, link: LinkState) -> Row:
-        speed, asked_A = sample.speed_rad_s, 0.0
+        speed, wanted_A = sample.speed_rad_s, 0.0
         if speed is not None:
-            asked_A = move.send(sample)
-            asked_A = 0.0 if abs(speed) > self.ceiling_rad_s else asked_A
-        issued = self.live.issue(lambda tick: asked_A, _tick(sample, link))
+            wanted_A = move.send(sample)
+            wanted_A = 0.0 if abs(speed) > self.ceiling_rad_s else wanted_A
+        issued = self.live.issue(lambda tick: wanted_A, _tick(sample, link))
         self._hold_against(issued)
         known = issued is not None and issued.acknowledged
         if speed is None and issued is None:

@@ -116,11 +116,11 @@ class _Impatience:
         """Nothing to be told."""
 
 
-def _held(asked: Controller, fast_rad_s: float) -> Controller:
+def _held(wanted: Controller, fast_rad_s: float) -> Controller:
     """A controller that asks for nothing that would make a fast wheel faster."""
 
     def held_A(tick: Tick) -> float:
-        current_A, speed = asked(tick), tick.sample.speed_rad_s or 0.0
+        current_A, speed = wanted(tick), tick.sample.speed_rad_s or 0.0
         return 0.0 if abs(speed) > fast_rad_s and current_A * speed > 0.0 else current_A
 
     return held_A

@@ -33,7 +33,7 @@ def scale_can_map(
 
     Gives those of the factors that have no place in it; then nothing is to be used.
     """
-    places = {(told, "read"): _place(where) for told, where in data["telemetry"].items()}
+    places = {(reported, "read"): _place(where) for reported, where in data["telemetry"].items()}
     places["current_command", "write"] = _place(data["command"])
     missing = {key for key in factors if key not in places}
     by_place: dict[str, float] = {}
@@ -101,9 +101,11 @@ def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
         raise RefusedError(
             f"the wire map {name} must have another scale of {named}, and its file has no such key to change"
         )
-    said = ", ".join(f"{field} ({access}) by {factor:.6g}" for (field, access), factor in factors.items())
+    stated = ", ".join(f"{field} ({access}) by {factor:.6g}" for (field, access), factor in factors.items())
     path = directory / MAP_FILE
-    head = f"# {source.name}, with scales as `rw-ekf commission` found them: {said}. Comments stand in the original.\n"
+    head = (
+        f"# {source.name}, with scales as `rw-ekf commission` found them: {stated}. Comments stand in the original.\n"
+    )
     write_text(path, head + yaml_text(data, default_flow_style=None, width=120))
     return str(path.absolute())
 

@@ -110,11 +110,11 @@ class _Charge(NamedTuple):
 
     @classmethod
     def of(cls, rows: Sequence[Row], delay_s: float) -> _Charge | None:
-        told = [row for row in rows if math.isfinite(row.command_A)]
-        if len(told) < 2:
+        reported = [row for row in rows if math.isfinite(row.command_A)]
+        if len(reported) < 2:
             return None
-        changes = np.maximum.accumulate([row.time_s + row.delay_s + delay_s for row in told])
-        currents = np.array([row.command_A for row in told])
+        changes = np.maximum.accumulate([row.time_s + row.delay_s + delay_s for row in reported])
+        currents = np.array([row.command_A for row in reported])
         knots = np.append(changes, changes[-1] + 1.0e3)
         return cls(knots, np.concatenate(([0.0], np.cumsum(currents * np.diff(knots)))))
 

@@ -52,9 +52,9 @@ class Still(NamedTuple):
 def measure_still(bench: Bench, step_rad_s: float) -> Still:
     """Wait for rest, then read. step_rad_s: resolution by the wire map. Raises RefusedError where it does not rest."""
     waited = bench.run(_until_rest(), _REST_S)
-    told = [row.speed_rad_s for row in waited if row.speed_rad_s is not None]
-    if not _rests(told[-_LOOKED_AT:]):
-        last = told[-1] if told else math.nan
+    reported = [row.speed_rad_s for row in waited if row.speed_rad_s is not None]
+    if not _rests(reported[-_LOOKED_AT:]):
+        last = reported[-1] if reported else math.nan
         raise RefusedError(
             f"the speed still reads {rpm_from_rad_s(last):.4g} rpm after {_REST_S:g} s of zero current: let the wheel "
             "come to rest, or mend the offset of speed in the wire map, then start again"

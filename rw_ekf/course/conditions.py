@@ -69,19 +69,19 @@ def of_lost_temperature(time_s: Float64Array, temperature_degC: Float64Array | N
     if not needing:
         return []
     named = ", ".join(dict.fromkeys(needing))
-    told = np.zeros(0, dtype=int) if temperature_degC is None else np.flatnonzero(np.isfinite(temperature_degC))
-    if told.size == 0:
+    reported = np.zeros(0, dtype=int) if temperature_degC is None else np.flatnonzero(np.isfinite(temperature_degC))
+    if reported.size == 0:
         return [
             f"{named} of the model goes with the temperature, which this log has not: {REFERENCE_DEGC:g} degC is taken"
         ]
-    gaps = np.diff(time_s[told])
+    gaps = np.diff(time_s[reported])
     widest = int(np.argmax(gaps)) if gaps.size else 0
     if not gaps.size or gaps[widest] < _LONG_S or gaps[widest] < _SELDOM * float(np.median(gaps)):
         return []
-    first, last = temperature_degC[told[widest]], temperature_degC[told[widest + 1]]  # type: ignore[index]
+    first, last = temperature_degC[reported[widest]], temperature_degC[reported[widest + 1]]  # type: ignore[index]
     if abs(last - first) < _LEAST_K:
         return []
     return [
-        f"the temperature is not known from {time_s[told[widest]]:.6g} to {time_s[told[widest + 1]]:.6g} s, between "
-        f"{first:.3g} and {last:.3g} degC: {named} goes with it, and is off there"
+        f"the temperature is not known from {time_s[reported[widest]]:.6g} to {time_s[reported[widest + 1]]:.6g} s, "
+        f"between {first:.3g} and {last:.3g} degC: {named} goes with it, and is off there"
     ]

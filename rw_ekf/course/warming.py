@@ -103,11 +103,11 @@ def _within_bounds(A: Float64Array, b: Float64Array, low: Float64Array, high: Fl
 
 def ended(course: Course, speed_rad_s: Float64Array, *, with_temperature: bool) -> dict[str, Any]:
     """How a record ended, as its diagnosis document has it: time, temperature, and how the wheel warms up."""
-    said: dict[str, Any] = {"time_s": float(course.time_s[-1]), "temperature_degC": None, "warming": None}
+    stated: dict[str, Any] = {"time_s": float(course.time_s[-1]), "temperature_degC": None, "warming": None}
     if with_temperature:
         law = warming_of(course, speed_rad_s)
-        said |= {
+        stated |= {
             "temperature_degC": float(course.temperature_degC[-1]),
             "warming": None if law is None else law._asdict(),
         }
-    return said
+    return stated

@@ -16,8 +16,8 @@ from rw_ekf.diagnosis.hypotheses.outgrown_laws import LeftBehind, laws_left_behi
 from rw_ekf.diagnosis.hypotheses.temperature_lag import with_likely_lag
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.high_rate import thoroughly_investigated
-from rw_ekf.diagnosis.investigate.late_rows import said_of_late_rows
-from rw_ekf.diagnosis.investigate.sampled_loop import said_of_sampled_loop
+from rw_ekf.diagnosis.investigate.late_rows import sentence_about_late_rows
+from rw_ekf.diagnosis.investigate.sampled_loop import stated_of_sampled_loop
 from rw_ekf.diagnosis.investigate.sigmas import with_known_lag
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
@@ -71,13 +71,13 @@ def _diagnosed(
     logs = [log] if isinstance(log, WheelLog) else log
     source = source_of(logs, () if model is None else model.effects.columns)
     described = configuration is not None or model is not None
-    asked = [(one, *misreadings_and_questions(one, described=described)) for one in logs]
-    misread = [(one.name, text) for one, odd, _ in asked for text in odd]
+    wanted = [(one, *misreadings_and_questions(one, described=described)) for one in logs]
+    misread = [(one.name, text) for one, odd, _ in wanted for text in odd]
     if misread:
         faults = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
         mend = "Mend the column map (`--columns map.yaml`) as the verdict says, and diagnose again."
         return _unjudged(source, split, f"the log is misread: {faults}", mend)
-    source = replace(source, notes=(*source.notes, *(text for _, _, texts in asked for text in texts)))
+    source = replace(source, notes=(*source.notes, *(text for _, _, texts in wanted for text in texts)))
     if source.unfit is not None:
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")
@@ -90,16 +90,16 @@ def _diagnosed(
         aside = model.without(model.effects.laws)
         found = _investigated(prepare(source, configuration, aside, split), advance)
     assert found is not None
-    found = _with_said_first(found, said_of_sampled_loop(found) or said_of_late_rows(found))
+    found = _with_sentence_first(found, stated_of_sampled_loop(found) or sentence_about_late_rows(found))
     advance("judging on the held-out part")
-    told = conclude(found, advance)
+    reported = conclude(found, advance)
     if len(logs) > 1 or logs[0].whole is None:
-        return told
+        return reported
     from rw_ekf.diagnosis.long_log_diagnosis import (
         held_against_all,  # few logs are so long, and a replay is much to import
     )
 
-    return held_against_all(told, found, logs[0].whole, advance)
+    return held_against_all(reported, found, logs[0].whole, advance)
 
 
 def _investigated(prepared: Prepared, advance: Advance) -> Found:
@@ -108,11 +108,11 @@ def _investigated(prepared: Prepared, advance: Advance) -> Found:
     return with_known_lag(thoroughly_investigated(prepared, advance))
 
 
-def _with_said_first(found: Found, sentence: str) -> Found:
+def _with_sentence_first(found: Found, sentence: str) -> Found:
     """The same with a sentence more in front of the verdict."""
     source = found.prepared.source
     return replace(
-        found, prepared=replace(found.prepared, source=replace(source, said_first=source.said_first + sentence))
+        found, prepared=replace(found.prepared, source=replace(source, first_remark=source.first_remark + sentence))
     )
 
 
@@ -131,7 +131,7 @@ def richer_part(prepared: Prepared) -> Prepared:
     return better_known(prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared, prepared.base)
 
 
-def fit_told(log: WheelLog, effect_ids: list[str], *, split: SplitKind = "blocks") -> float | None:
+def fit_with_effects(log: WheelLog, effect_ids: list[str], *, split: SplitKind = "blocks") -> float | None:
     """Free-run error [rpm] on the held-out part of a fit that is told the effects; None if it cannot run."""
     source = source_of([log])
     if source.unfit is not None:
@@ -150,7 +150,7 @@ def _unjudged(source: Source, kind: SplitKind, why: str, advice: str | None = No
     log = source.log
     split = split_record(log.time_s, log.segment, log.speed_rad_s, kind, 0.0)
     nothing = dict.fromkeys(FIGURES)
-    statement = f"{source.said_first}Cannot be judged: {why}."
+    statement = f"{source.first_remark}Cannot be judged: {why}."
     document = {
         "schema": SCHEMA,
         **source.document(),

@@ -31,13 +31,13 @@ _WANDERS = 2.0
 _MOST_ROWS = 50_000_000  # a minute of processor time for both models; beyond, the stretches have to do
 
 
-def held_against_all(told: Diagnosis, found: Found, log: LongLog, advance: Advance) -> Diagnosis:
+def held_against_all(described: Diagnosis, found: Found, log: LongLog, advance: Advance) -> Diagnosis:
     """The diagnosis with its model fitted to all of the log, and what the filters miss over all of it."""
     if len(log) > _MOST_ROWS:
-        return told
+        return described
     advance("fitting to the whole log")
-    fit = _fit(told, found, log)
-    before, model = model_of_fit(found.selection.base, found.prepared), told.model
+    fit = _fit(described, found, log)
+    before, model = model_of_fit(found.selection.base, found.prepared), described.model
     if fit is not None:
         fitted = model_of_fit(fit.fit, found.prepared, of="the whole log")
         if refusal_of(fitted) is not None:
@@ -53,17 +53,17 @@ def held_against_all(told: Diagnosis, found: Found, log: LongLog, advance: Advan
         "before": _missed(log, before),
         "after": None if model is None else _missed(log, model),
     }
-    sentences = [*wandering(fit), *_sentences(whole, in_rpm=told.in_rpm)]
-    content = {**told.content, "whole_log": whole, "warnings": [*told.content["warnings"], *sentences]}
-    return replace(told, content=content, model=model)
+    sentences = [*wandering(fit), *_sentences(whole, in_rpm=described.in_rpm)]
+    content = {**described.content, "whole_log": whole, "warnings": [*described.content["warnings"], *sentences]}
+    return replace(described, content=content, model=model)
 
 
-def _fit(told: Diagnosis, found: Found, log: LongLog) -> WholeFit | None:
+def _fit(described: Diagnosis, found: Found, log: LongLog) -> WholeFit | None:
     """What stands, fitted to all of a log; None where it cannot be, or has a grid of the readings beside it."""
     if found.lattice is not None:
         return None
     fit, reported = found.fit, found.reported
-    if told.model is None:
+    if described.model is None:
         fit = found.selection.base
         reported = with_open_stribeck_speed(fit, found.prepared.facts)
     try:
@@ -107,9 +107,11 @@ def _missed(log: LongLog, model: WheelModel) -> dict[str, float | None] | None:
 def _sentences(whole: dict[str, Any], *, in_rpm: bool) -> list[str]:
     """What was missed, in words; none where nothing can be said."""
     unit, scale = ("rpm", 1.0) if in_rpm else ("rad/s", RAD_S_PER_RPM)
-    told = [
+    described = [
         f"by {scale * missed['rms_rpm']:.3g} {unit} (NIS {missed['nis_mean']:.3g}) {how}"
         for missed, how in ((whole["after"], "with the model found"), (whole["before"], "with the base model"))
         if missed is not None and missed["rms_rpm"] is not None
     ]
-    return [f"over all {whole['samples']} samples a filter's predictions miss {', '.join(told)}"] if told else []
+    return (
+        [f"over all {whole['samples']} samples a filter's predictions miss {', '.join(described)}"] if described else []
+    )

@@ -56,7 +56,7 @@ class _Sums:
     information: Float64Array
 
 
-def fitted_to_all(fit: Fit, told: Fit, prepared: Prepared, log: LongLog) -> WholeFit | None:
+def fitted_to_all(fit: Fit, reported: Fit, prepared: Prepared, log: LongLog) -> WholeFit | None:
     """A fit of stretches taken on to all of a log; None where a part alone cannot say what the whole says.
 
     told: the fit with the standard deviations that a person is told; by what they exceed those of `fit`, which more
@@ -68,7 +68,7 @@ def fitted_to_all(fit: Fit, told: Fit, prepared: Prepared, log: LongLog) -> Whol
     readings that share an error, and numbers by simulation. Raises UnsoundError where only the whole can be judged,
     LogError as `read_log`.
     """
-    if not _is_said_by_parts(fit, told, prepared):
+    if not _is_known_by_parts(fit, reported, prepared):
         return None
     model = fit.model
     W, aim = (np.zeros((0, model.vector.size)), np.zeros(0)) if fit.prior is None else prior_rows(fit.prior, model)
@@ -94,14 +94,14 @@ def fitted_to_all(fit: Fit, told: Fit, prepared: Prepared, log: LongLog) -> Whol
         observed = inverse @ (apart.T @ apart * (parts / (parts - 1.0))) @ inverse
         scatter = np.sqrt(np.maximum(np.diag(observed), 0.0)) / known
         covariance = inverse * np.outer(np.maximum(scatter, 1.0), np.maximum(scatter, 1.0))
-    beyond = np.maximum(np.diag(told.likelihood.covariance - fit.likelihood.covariance), 0.0)
+    beyond = np.maximum(np.diag(reported.likelihood.covariance - fit.likelihood.covariance), 0.0)
     static = STATIC - MOTOR_GAIN
-    beyond[static] = max(beyond[static], told.likelihood.covariance[static, static] - covariance[static, static])
+    beyond[static] = max(beyond[static], reported.likelihood.covariance[static, static] - covariance[static, static])
     likelihood = replace(fit.likelihood, covariance=covariance + np.diag(beyond))
     return WholeFit(replace(fit, model=model, likelihood=likelihood), parts, scatter)
 
 
-def _is_said_by_parts(fit: Fit, told: Fit, prepared: Prepared) -> bool:
+def _is_known_by_parts(fit: Fit, reported: Fit, prepared: Prepared) -> bool:
     model = fit.model
     effects = [term.effect for term in model.effects.terms]
     quantities = [term.law.quantity for term in model.terms if term.law is not None]
@@ -109,7 +109,7 @@ def _is_said_by_parts(fit: Fit, told: Fit, prepared: Prepared) -> bool:
     return not (
         model.has_memory
         or model.effects.table().hidden
-        or told.simulated
+        or reported.simulated
         or prepared.temperature_lag is not None  # which goes on from part to part
         or fit.linearised.record.levels is not None
         or any(quantity_of(effect) == "time" or effect.local_in_time for effect in effects)

@@ -13,7 +13,7 @@ from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
 from rw_ekf.model.moment import Moment
 
-_TOLD_S = 100.0  # in which a person is told how far it walks
+_REPORTED_S = 100.0  # in which a person is told how far it walks
 
 
 class CoulombDrift(WanderingEffect):
@@ -113,11 +113,11 @@ class CoulombDrift(WanderingEffect):
             f"{of_coulomb(levels[i], 0.0, facts)} at {moment(times[i], facts)}"
             for i in map(levels.index, (min(levels), max(levels)))
         ]
-        walked = of_coulomb(rate * math.sqrt(_TOLD_S), 0.0, facts)
+        walked = of_coulomb(rate * math.sqrt(_REPORTED_S), 0.0, facts)
         return (
-            f"Dry friction wanders with time, in no particular shape, by {walked} in {_TOLD_S:.0f} s: in this record to"
-            f" {ends[0]} and {ends[1]}, from where it began; the model holds that rate as process noise, by which a"
-            " filter follows what nobody foretells"
+            f"Dry friction wanders with time, in no particular shape, by {walked} in {_REPORTED_S:.0f} s: in this "
+            f"record to {ends[0]} and {ends[1]}, from where it began; the model holds that rate as process noise, by "
+            "which a filter follows what nobody foretells"
         )
 
     @staticmethod

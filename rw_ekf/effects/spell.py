@@ -50,10 +50,10 @@ class Spell(Change):
     def parameters_of(cls, term: Term, covariance: Matrix) -> dict[str, dict[str, Any]]:
         """What changes, from when to when, by how much."""
         assert term.law is not None
-        told = super().parameters_of(term, covariance)
-        del told["takes_s"]
+        reported = super().parameters_of(term, covariance)
+        del reported["takes_s"]
         _, ends_std = term.law.spread or (None, None)
-        return told | {"ends_at": {"value": term.law.last, "std": ends_std, "unit": "s"}}
+        return reported | {"ends_at": {"value": term.law.last, "std": ends_std, "unit": "s"}}
 
     @classmethod
     def sentence_of(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:

@@ -56,7 +56,7 @@ class FrictionOfTemperature(StaticEffect):
         return found
 
 
-def told_of(friction: str, value: float, std: float, shape: Shape) -> str:
+def sentence_about(friction: str, value: float, std: float, shape: Shape) -> str:
     """In percent per kelvin."""
     if shape[0] != _EXPONENTIAL:
         return slope_percent(friction, value, std, "per K")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, temperature_range, top_speed
-from rw_ekf.effects.temperature_law import FrictionOfTemperature, relative_change, slope_of_change, told_of
+from rw_ekf.effects.temperature_law import FrictionOfTemperature, relative_change, sentence_about, slope_of_change
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution
 from rw_ekf.model.moment import Moment
@@ -51,4 +51,4 @@ class ViscousTemperature(FrictionOfTemperature):
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """In percent per kelvin."""
-        return told_of("Viscous friction", value, std, shape)
+        return sentence_about("Viscous friction", value, std, shape)

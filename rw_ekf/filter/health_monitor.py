@@ -30,7 +30,7 @@ _RESETS = {
     health.PARAMETERS_WIDENED: FilterReset.PARAMETERS,
     health.ALL_AFRESH: FilterReset.ALL,
 }
-_SAID = {
+_STATED = {
     FilterTrouble.NOT_FINITE: "the filter's state was no longer a number",
     FilterTrouble.NOT_POSITIVE: "the filter's covariance was no longer positive",
     FilterTrouble.RAN_AWAY: "the filter's state had run away to where no wheel is",
@@ -99,7 +99,7 @@ class Physician:
 
     def _found(self, trouble: FilterTrouble, reset: FilterReset, time_s: float) -> FilterHealth:
         hopeless = health.is_beyond_mending(self._memory)
-        text = f"{_SAID[trouble]}; {_DONE[reset]}"
+        text = f"{_STATED[trouble]}; {_DONE[reset]}"
         if hopeless:
             text += ", again and again: only a person can help"
         return FilterHealth(trouble, reset, text, time_s, hopeless)
@@ -113,6 +113,6 @@ def troubles_of(mended: NDArray[np.int8]) -> list[FilterTrouble]:
 def findings(troubles: Iterable[FilterTrouble]) -> list[str]:
     """What a run has to say of the resets of its filter, a sentence for each trouble."""
     return [
-        f"{_SAID[trouble]}; the filter was reset ({times} time{'s' if times > 1 else ''})"
+        f"{_STATED[trouble]}; the filter was reset ({times} time{'s' if times > 1 else ''})"
         for trouble, times in Counter(troubles).items()
     ]

@@ -53,8 +53,8 @@ class WindowFinding:
     @property
     def text(self) -> str:
         """As a person reads it, without the wheel."""
-        said = f"{self.kind}: {self.statement}" if self.status == OK else self.status
-        return f"{self.day} ({self.why}): {said}"
+        stated = f"{self.kind}: {self.statement}" if self.status == OK else self.status
+        return f"{self.day} ({self.why}): {stated}"
 
 
 @dataclass(eq=False, frozen=True)
@@ -162,7 +162,7 @@ class Diagnosable:
         return item is not None and (not item.log.gone or _document(self.task(window).path) is not None)
 
 
-def windows_asked(logs: Diagnosable, wheels: Sequence[WheelTrend], most: int) -> tuple[list[Window], int]:
+def windows_wanted(logs: Diagnosable, wheels: Sequence[WheelTrend], most: int) -> tuple[list[Window], int]:
     """The windows of these wheels, the worst first, at most so many, and how many more ask.
 
     Raises BadInputError where no result is of these logs and settings.
@@ -177,17 +177,17 @@ def windows_asked(logs: Diagnosable, wheels: Sequence[WheelTrend], most: int) ->
 
 def diagnose_windows(
     logs: Diagnosable,
-    asked: tuple[Sequence[Window], int],
+    wanted: tuple[Sequence[Window], int],
     executor: Executor,
     tick: Callable[[int], object] = lambda n: None,
 ) -> Diagnoses:
-    """Diagnose the windows that have no diagnosis yet. asked: as `windows_asked` gives them.
+    """Diagnose the windows that have no diagnosis yet. wanted: as `windows_wanted` gives them.
 
     tick(n): n windows more are done. Raises BadInputError where the folder cannot be written, RwEkfError where the
     executor is lost.
     """
     began_s = time.perf_counter()
-    windows, left_out = asked
+    windows, left_out = wanted
     folder = logs.folder
     tasks = {window: logs.task(window) for window in windows}
     missing = {task.path: task for task in tasks.values() if _document(task.path) is None}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.fleet.daily import read_days
-from rw_ekf.fleet.diagnoses import Diagnosable, Diagnoses, diagnose_windows, read_diagnoses, windows_asked
+from rw_ekf.fleet.diagnoses import Diagnosable, Diagnoses, diagnose_windows, read_diagnoses, windows_wanted
 from rw_ekf.fleet.executors import executor_of
 from rw_ekf.fleet.fleet_page import page_of
 from rw_ekf.fleet.fleet_run import FleetRun, run_fleet
@@ -108,7 +108,7 @@ def diagnose(
     index = _indexed(folder, directory, keep_gone=True)
     with folder.locked(), executor_of(workers, scheduler) as executor:
         logs = Diagnosable.of(folder, index, settings)
-        return diagnose_windows(logs, windows_asked(logs, wheels, most), executor, tick)
+        return diagnose_windows(logs, windows_wanted(logs, wheels, most), executor, tick)
 
 
 def _indexed(folder: FleetFolder, directory: str | Path, *, keep_gone: bool) -> FleetIndex:

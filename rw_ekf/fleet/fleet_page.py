@@ -27,7 +27,9 @@ _EDGE = 0.08  # of a drawing's height and width, that nothing is drawn in
 def page_of(trends: Trends) -> str:
     """The page, in one file that needs no other."""
     wheels = trends.worst_first
-    told = [_wheel(wheel, trends.told_of(wheel), with_courses=place < _COURSES) for place, wheel in enumerate(wheels)]
+    reported = [
+        _wheel(wheel, trends.sentence_about(wheel), with_courses=place < _COURSES) for place, wheel in enumerate(wheels)
+    ]
     worth = sum(trends.is_worth_a_look(wheel) for wheel in wheels)
     values = {
         "title": f"A fleet of {len(wheels)} wheels",
@@ -38,7 +40,7 @@ def page_of(trends: Trends) -> str:
         "verdict": f"{worth} to look at" if worth else "Nothing to look at",
         "statement": f"{len(wheels)} wheels, {worth} of them with something to look at.",
         "names": list(PARAMETER_NAMES),
-        "wheels": told,
+        "wheels": reported,
         "population": _population(trends),
         "unlike": f"{UNLIKE:g}",
         "courses_shown": _COURSES,

@@ -63,8 +63,8 @@ class FleetRun(Shown):
             "wheels": self.wheels,
             "logs": len(self.entries),
             "done": len(self.entries) - len(self.failed) - len(self.not_done),
-            "failed": [_told(entry) for entry in self.failed],
-            "not_done": [_told(entry) for entry in self.not_done],
+            "failed": [_reported(entry) for entry in self.failed],
+            "not_done": [_reported(entry) for entry in self.not_done],
             "computed": self.computed,
             "samples": self.samples,
             "seconds": self.seconds,
@@ -88,7 +88,7 @@ class FleetRun(Shown):
         return "\n".join(lines)
 
 
-def _told(entry: ManifestLine) -> dict[str, str]:
+def _reported(entry: ManifestLine) -> dict[str, str]:
     return {"wheel": entry.wheel, "day": entry.day, "log": entry.log, "status": entry.status}
 
 

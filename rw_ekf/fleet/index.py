@@ -209,12 +209,12 @@ def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]
     The shorter name is the log's: who copies a file adds to its name.
     """
     kept: dict[tuple[str, str, str], FleetLog] = {}
-    said = []
+    stated = []
     for log in sorted(logs, key=lambda log: (len(log.log), log.log)):
         first = kept.setdefault((log.wheel, log.begins_utc, log.content), log)
         if first is not log:
-            said.append(f"{log.log}: is a copy of {first.log}")
-    return list(kept.values()), said
+            stated.append(f"{log.log}: is a copy of {first.log}")
+    return list(kept.values()), stated
 
 
 def _wheel(place: Iterable[str], metadata: RunMetadata | None) -> str:

@@ -83,8 +83,8 @@ def known_days(days: WheelDays, parameter: str, reference_degC: float | None) ->
     left_out, rows = rows[far], rows[~far]
     warmth = _warmth(days.temperature_degC[rows], reference_degC)
     if warmth is not None:
-        told = np.isfinite(warmth)
-        rows, warmth = rows[told], warmth[told]
+        reported = np.isfinite(warmth)
+        rows, warmth = rows[reported], warmth[reported]
     if rows.size < LEAST_POINTS or days.time_d[rows[-1]] <= days.time_d[rows[0]]:
         return None
     time_y = (days.time_d[rows] - days.time_d[rows[0]]) / DAYS_PER_YEAR

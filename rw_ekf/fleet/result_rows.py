@@ -113,8 +113,8 @@ def read_status(path: Path) -> tuple[int, str]:
     with path.open("rb") as stream:
         file = parquet.ParquetFile(stream)
         rows = int((file.schema_arrow.metadata or {}).get(ROWS_KEY, b"0"))
-        said = file.read(columns=["status"]).column("status").to_pylist()
-    return rows, next((status for status in said if status != OK), OK)
+        stated = file.read(columns=["status"]).column("status").to_pylist()
+    return rows, next((status for status in stated if status != OK), OK)
 
 
 @functools.cache
@@ -176,10 +176,10 @@ def own_share(
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
     gained = np.maximum(1.0 / np.maximum(values, np.finfo(float).tiny) - 1.0, 0.0)
     turned = vectors.T @ np.linalg.solve(root, after[0] - m0)
-    told = np.where(gained > 0.0, turned / values, 0.0)
+    reported = np.where(gained > 0.0, turned / values, 0.0)
     to_origin = np.linalg.solve(root, origin[0] - m0)
     prior = np.linalg.inv(np.linalg.solve(root, np.linalg.solve(root, origin[1]).T))
     information = vectors @ np.diag(gained) @ vectors.T + 0.5 * (prior + prior.T)
     covariance = np.linalg.inv(information)
-    mean = covariance @ (vectors @ told + prior @ to_origin)
+    mean = covariance @ (vectors @ reported + prior @ to_origin)
     return m0 + root @ mean, root @ covariance @ root.T

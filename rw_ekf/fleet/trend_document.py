@@ -66,7 +66,7 @@ class Trends(Shown):
         """Whether something is found of it, or a diagnosis says that the model lacks something."""
         return bool(finding_kinds(wheel)) or any(window.kind != "adequate" for window in self.diagnosed_of(wheel))
 
-    def told_of(self, wheel: WheelTrend) -> list[str]:
+    def sentence_about(self, wheel: WheelTrend) -> list[str]:
         """Its findings and what was diagnosed, as sentences."""
         return [*sentences(wheel), *(f"diagnosed, {window.text}" for window in self.diagnosed_of(wheel))]
 
@@ -81,7 +81,7 @@ class Trends(Shown):
         worth = [wheel for wheel in wheels if self.is_worth_a_look(wheel)]
         lines = [f"{self.folder}: {len(wheels)} wheels, {len(worth)} with something to look at"]
         for wheel in worth[:_SHOWN_WHEELS]:
-            lines += [printable(f"  {wheel.days.wheel}: {text}") for text in self.told_of(wheel)]
+            lines += [printable(f"  {wheel.days.wheel}: {text}") for text in self.sentence_about(wheel)]
         if len(worth) > _SHOWN_WHEELS:
             lines.append(f"  and {len(worth) - _SHOWN_WHEELS} wheels more: --json has them all")
         for name, both in self.found.population.items():

@@ -35,8 +35,8 @@ def windows_of(
 
     wheels: the worst first. Each wheel's first window comes before anyone's second. can_be: of what may be diagnosed.
     """
-    asked = [[window for window in _of_wheel(wheel) if can_be(window)] for wheel in wheels]
-    by_rank = [found[rank] for rank in range(max(map(len, asked), default=0)) for found in asked if rank < len(found)]
+    wanted = [[window for window in _of_wheel(wheel) if can_be(window)] for wheel in wheels]
+    by_rank = [found[rank] for rank in range(max(map(len, wanted), default=0)) for found in wanted if rank < len(found)]
     return by_rank[:most], len(by_rank[most:])
 
 

@@ -63,12 +63,12 @@ def _check_replaced(folder: Path) -> None:
 
 def _conditions(setup: FilterSetup) -> tuple[str, ...]:
     """What effects read of a wheel beside its speed."""
-    told, found = {"temperature": "temperature", "angle": "angle"}, list[str]()
+    reported, found = {"temperature": "temperature", "angle": "angle"}, list[str]()
     if setup.temperature_lag_s > 0.0:
         late = f"as it is read: what friction is in begins with it, and follows by {setup.temperature_lag_s:.4g} s"
-        told["temperature"] = f"temperature ({late})"
+        reported["temperature"] = f"temperature ({late})"
     for term in setup.effects.state_terms:
-        found += [words for quantity, words in told.items() if reads(term, quantity)]
+        found += [words for quantity, words in reported.items() if reads(term, quantity)]
         if term.law is not None and term.law.column:
             found.append(f"{term.law.column} (`columns.v[{term.law.slot}]`)")
     return tuple(dict.fromkeys(found))

@@ -130,9 +130,9 @@ def readme(program: Program, estimator: Estimator, origin: str, samples: int, co
             "the last bit of these is the library's own affair. On another one (newlib's, say) the self-test is\n"
             "compiled with `make test EXTRA=-DRW_EKF_OTHER_LIBM`, and allows a millionth of a sigma.\n"
         )
-    told = ""
+    reported = ""
     if conditions:
-        told = f"\nThis model needs {', '.join(conditions)} with its readings.\n"
+        reported = f"\nThis model needs {', '.join(conditions)} with its readings.\n"
     return _TEXT.format(
         origin=origin,
         size=estimator.size,
@@ -144,7 +144,7 @@ def readme(program: Program, estimator: Estimator, origin: str, samples: int, co
         constants=memory["constant_bytes"],
         steps=f"{memory['statements_at_most']:,}",
         states=", ".join(f"`RW_EKF_{name.upper()}`" for name in estimator.names),
-        conditions=told,
+        conditions=reported,
         verified=verified,
         outside=" (in single precision `expf` and the like)" if program.single else "",
     )

@@ -131,7 +131,7 @@ def _model_header(origin: str, numbers: str, token: str) -> str:
 
 def _page(model: PlantModel, origin: str) -> str:
     """documentation/index.html."""
-    said = "\n".join(f"<li>{html.escape(remark)}</li>" for remark in model.remarks)
+    stated = "\n".join(f"<li>{html.escape(remark)}</li>" for remark in model.remarks)
     rows = "\n".join(
         f"<tr><td>{html.escape(v.name)}</td><td>{v.causality}</td><td>{html.escape(v.unit)}</td>"
         f"<td>{html.escape(v.words)}</td></tr>"
@@ -146,7 +146,7 @@ one. Before the start there was no current.</p>
 {rows}
 </table>
 <ul>
-{said}
+{stated}
 </ul>
 </body></html>
 """

@@ -100,8 +100,8 @@ def compiled(sources: Mapping[str, str], units: Sequence[str], command: Sequence
                 return library.read_bytes()
     except (OSError, subprocess.TimeoutExpired) as error:
         raise BadInputError(f"the compiler {named} did not do its work: {error}: name another with CC") from None
-    said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-    raise BadInputError(f"the compiler {named} failed: {said or 'it says nothing'}: name another with CC")
+    stated = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
+    raise BadInputError(f"the compiler {named} failed: {stated or 'it says nothing'}: name another with CC")
 
 
 def _place(of: Platform, identifier: str, version: Version) -> str:

@@ -97,8 +97,8 @@ class _Printer:
         if isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
             body = body[1:]
         self._block(body, "")
-        said = self.source.docstring.split("\n")[0]
-        return "\n".join([f"function result = {name}({given})", f"% {said}", *self.lines, "end", ""])
+        stated = self.source.docstring.split("\n")[0]
+        return "\n".join([f"function result = {name}({given})", f"% {stated}", *self.lines, "end", ""])
 
     def _fail(self, node: ast.AST) -> NotPrintableError:
         where = f"{self.function.__module__}.{self.function.__qualname__}"

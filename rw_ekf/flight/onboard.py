@@ -70,7 +70,7 @@ _NOW = 11
 
 # Places in `Onboard.last_s`.
 USED = 0  # time of the last sample that was used
-TOLD = 1  # and of the last that came
+REPORTED = 1  # and of the last that came
 
 
 @by_identity
@@ -258,9 +258,9 @@ def take_reading(
     begins = held.counts[SEEN] == 0 or reading.new_segment
     last = reading.time_s - 1.0 if held.counts[SEEN] == 0 else held.last_s[USED]
     dt = float(reading.time_s - last)
-    span = float(reading.time_s - held.last_s[TOLD])
+    span = float(reading.time_s - held.last_s[REPORTED])
     held.counts[BROKEN] = 1 if begins or not 0.0 < span <= _LONGEST_S else 0
-    held.last_s[TOLD] = reading.time_s
+    held.last_s[REPORTED] = reading.time_s
     held.now[PREDICTED_RAD_S] = math.nan
     what = timing(dt, begins)
     if what != UPDATED:

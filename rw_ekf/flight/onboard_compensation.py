@@ -88,10 +88,10 @@ def current_by_dmc(
     speed = x[SPEED]
     friction = 0.0
     at = speed_against(request_rad_s2, speed)
-    asked = speed != 0.0 or request_rad_s2 != 0.0
+    requested = speed != 0.0 or request_rad_s2 != 0.0
     if table is None:
         stribeck = constants.stribeck
-        if asked:
+        if requested:
             friction = signed_friction(at, x[VISCOUS], x[COULOMB], x[STATIC], stribeck.omega_s, stribeck.law)
         current = (request_rad_s2 + friction) / x[MOTOR_GAIN]
     else:
@@ -99,7 +99,7 @@ def current_by_dmc(
         columns = (now[COLUMN], now[COLUMN + 1], now[COLUMN + 2])
         time_s = 0.0 if relative else float(held.last_s[USED])
         moment = Moment(0.0, now[IN_FORCE_A], now[TEMPERATURE_DEGC], now[ANGLE_RAD], time_s, 0.0, columns)
-        if asked:
+        if requested:
             x[SPEED] = at
             friction = friction_of(x, table, constants.stribeck, moment)
             x[SPEED] = speed

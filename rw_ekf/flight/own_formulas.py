@@ -67,8 +67,8 @@ def _written_out(program: Sequence[float], name: str) -> Callable[..., Any]:
             parts, stack = stack[-count:], stack[:-count]
             stack.append(_call(op, parts, lines))
     value, slope, text = stack[-1]
-    said = f'    """{text[1:-1] if _is_wrapped(text) else text}, and its slope by omega."""'
-    return _made("\n".join([f"def {name}(at):", said, *lines, f"    return {value}, {slope}"]), name, {})
+    stated = f'    """{text[1:-1] if _is_wrapped(text) else text}, and its slope by omega."""'
+    return _made("\n".join([f"def {name}(at):", stated, *lines, f"    return {value}, {slope}"]), name, {})
 
 
 def _call(op: str, parts: Sequence[tuple[str, str, str]], lines: list[str]) -> tuple[str, str, str]:
@@ -76,11 +76,11 @@ def _call(op: str, parts: Sequence[tuple[str, str, str]], lines: list[str]) -> t
     number = 1 + sum("known(" in line for line in lines)
     value, slope = f"value_{number}", f"slope_{number}"
     values, slopes, texts = zip(*parts, strict=True)
-    said = f"{values[0]} {op} {values[1]}" if op in _SIGNS else f"{op}({', '.join(values)})"
+    stated = f"{values[0]} {op} {values[1]}" if op in _SIGNS else f"{op}({', '.join(values)})"
     if len(parts) == 2:
-        lines.append(f"    found, of_x, of_y = two_arguments({CODES[op]}, {values[0]}, {values[1]})  # {said}")
+        lines.append(f"    found, of_x, of_y = two_arguments({CODES[op]}, {values[0]}, {values[1]})  # {stated}")
     else:
-        lines.append(f"    found, of_x = one_argument({CODES[op]}, {values[0]})  # {said}")
+        lines.append(f"    found, of_x = one_argument({CODES[op]}, {values[0]})  # {stated}")
     moves = [_NONE if by == _NONE else f"moved({of}, {by})" for of, by in zip(("of_x", "of_y"), slopes, strict=False)]
     lines.append(f"    {value} = known(found)")
     if set(moves) == {_NONE}:

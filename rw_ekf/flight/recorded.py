@@ -39,13 +39,13 @@ _READ = frozenset(WheelSample.__dataclass_fields__)  # columns that the estimato
 class Recorded:
     """n readings with what follows them, and what the estimator and the compensations made of them."""
 
-    told: Float64Array  # (n, 10) time, speed, temperature, angle, three columns, current, delay, request
+    reported: Float64Array  # (n, 10) time, speed, temperature, angle, three columns, current, delay, request
     begins: Int64Array  # (n,) 1: a new segment
     outcome: Int64Array  # (n,)
     trouble: Int64Array  # (n,)
     mean: Float64Array  # (n, m)
     std: Float64Array  # (n, m)
-    asked_A: Float64Array  # (n, 2) by DMC and by predictive crossing; NaN: not to be compared
+    wanted_A: Float64Array  # (n, 2) by DMC and by predictive crossing; NaN: not to be compared
     period_s: float
 
 
@@ -88,11 +88,11 @@ def recorded(setup: FilterSetup, period_s: float) -> Recorded:
     request = np.where(np.arange(n) % 60 < 30, 0.3, -0.3) * abs(c)
     request[np.arange(n) % 100 < 10] = 0.0
     temperature = REFERENCE_DEGC + 4.0 * np.sin(0.01 * np.arange(n))
-    told = np.column_stack([time_s, speed, temperature, angle, columns, current, delay, request])
-    told = np.array([[float(f"{value:.9g}") for value in row] for row in told.tolist()])  # short to print
+    reported = np.column_stack([time_s, speed, temperature, angle, columns, current, delay, request])
+    reported = np.array([[float(f"{value:.9g}") for value in row] for row in reported.tolist()])  # short to print
     begins = np.zeros(n, dtype=np.int64)
     begins[500] = 1
-    return _answered(setup, told, begins, step_s)
+    return _answered(setup, reported, begins, step_s)
 
 
 def _motion(setup: FilterSetup, current: Float64Array, step_s: float) -> Float64Array:
@@ -109,7 +109,7 @@ def _motion(setup: FilterSetup, current: Float64Array, step_s: float) -> Float64
     return true
 
 
-def _answered(setup: FilterSetup, told: Float64Array, begins: Int64Array, step_s: float) -> Recorded:
+def _answered(setup: FilterSetup, reported: Float64Array, begins: Int64Array, step_s: float) -> Recorded:
     belief, stribeck = setup.prior, setup.constants.stribeck
     estimator = Estimator(setup.constants, belief.mean, belief.covariance, setup.effects, setup.effect_drift)
     dmc, crossing = DynamicModelCompensation(), PredictiveCrossing(1.0 / step_s)
@@ -117,9 +117,9 @@ def _answered(setup: FilterSetup, told: Float64Array, begins: Int64Array, step_s
     outcomes = {outcome: code for code, outcome in OUTCOMES.items()}
     troubles = {trouble: code for code, trouble in TROUBLES.items()}
     n, names = begins.size, setup.effects.columns
-    outcome, trouble, asked = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 2))
+    outcome, trouble, wanted = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 2))
     mean, std = np.zeros((n, belief.mean.size)), np.zeros((n, belief.mean.size))
-    for i, row in enumerate(told.tolist()):
+    for i, row in enumerate(reported.tolist()):
         time_s, speed, temperature, angle, *columns, current_A, delay_s, request = row
         read: dict[str, Any] = {name: columns[slot] for slot, name in enumerate(names) if name in _READ}
         sample = WheelSample(
@@ -132,15 +132,15 @@ def _answered(setup: FilterSetup, told: Float64Array, begins: Int64Array, step_s
         )
         estimate = estimator.step(sample)
         known = WheelKnown.of_estimate(estimate, stribeck)
-        asked[i] = [_asked(scheme, Tick(sample, estimate), request, known) for scheme in (dmc, crossing)]
+        wanted[i] = [_wanted(scheme, Tick(sample, estimate), request, known) for scheme in (dmc, crossing)]
         estimator.command_issued(IssuedCommand(current_A, delay_s))
         outcome[i] = outcomes[estimate.outcome]
         trouble[i] = _trouble(estimate, troubles)
         mean[i], std[i] = estimator.ekf.x, estimator.ekf.std
-    return Recorded(told, begins, outcome, trouble, mean, std, asked, period_s)
+    return Recorded(reported, begins, outcome, trouble, mean, std, wanted, period_s)
 
 
-def _asked(scheme: Compensation, tick: Tick, request: float, known: WheelKnown) -> float:
+def _wanted(scheme: Compensation, tick: Tick, request: float, known: WheelKnown) -> float:
     """A current [A]; NaN where the scheme cannot say."""
     try:
         return scheme.current_A(tick, request, known)

@@ -86,12 +86,12 @@ _WITHIN = """static int is_same(double one, double other, double sigma)
     }
     return ((one != one) && (other != other)) || (off <= SIGMAS);
 }"""
-_ASKED = """same = same && ((asked[i][0] != asked[i][0]) || is_same(dmc, asked[i][0], fabs(asked[i][0])));
+_WANTED = """same = same && ((asked[i][0] != asked[i][0]) || is_same(dmc, asked[i][0], fabs(asked[i][0])));
     same = same && ((asked[i][1] != asked[i][1]) || is_same(by_crossing, asked[i][1], fabs(asked[i][1])));"""
 _OTHER = """ *
  * With RW_EKF_OTHER_LIBM defined within a millionth of a sigma: where exp, expm1 and log1p are of another C library.
 """
-_NOT_ASKED = """(void)dmc;  /* a current jumps where the belief passes rest: in single precision at another reading */
+_NOT_WANTED = """(void)dmc;  /* a current jumps where the belief passes rest: in single precision at another reading */
     (void)by_crossing;"""
 
 
@@ -101,12 +101,12 @@ def self_test(run: Recorded, origin: str, *, single: bool) -> str:
     for word, text in {
         "static double furthest = 0.0;\n": "static double furthest = 0.0;\n" if single else "",
         "IS_SAME": _WITHIN if single else _EXACT,
-        "ASKED": _NOT_ASKED if single else _ASKED,
+        "ASKED": _NOT_WANTED if single else _WANTED,
         "SUMMARY": f", furthest %.2g of {SIGMAS:g} sigmas" if single else ", %s",
         "COUNTS": f"SAMPLES - wrong, SAMPLES, {'furthest' if single else 'HOW'}",
     }.items():
         main = main.replace(word, text)
-    asked = "" if single else _table("double", "asked", run.asked_A[::EVERY], exact=True)
+    wanted = "" if single else _table("double", "asked", run.wanted_A[::EVERY], exact=True)
     speeds = [[mean, std] for mean, std in zip(run.mean[:, 0].tolist(), run.std[:, 0].tolist(), strict=True)]
     return f"""/* {origin}
  *
@@ -128,14 +128,14 @@ def self_test(run: Recorded, origin: str, *, single: bool) -> str:
 /* Time [s], speed [rad/s], temperature [degC], angle [rad], three columns, then the current [A] that is commanded
  * behind the reading, how late it acts [s], and the acceleration [rad/s^2] that is asked of the compensations.
  */
-{_table("double", "told", run.told)}
+{_table("double", "told", run.reported)}
 {_table("int", "begins", run.begins)}
 {_table("int", "outcomes", run.outcome)}
 {_table("int", "troubles", run.trouble)}
 {_rows("double", "speeds", speeds)}
 {_table("double", "means", run.mean[::EVERY], exact=True)}
 {_table("double", "sigmas", run.std[::EVERY], exact=True)}
-{asked}
+{wanted}
 {main}"""
 
 

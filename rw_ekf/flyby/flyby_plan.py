@@ -104,8 +104,8 @@ def _wheel_lines(flyby: Flyby, name: str, course: WheelCourse) -> list[str]:
     rows = [
         f"{time_s:>11.1f}{time_s - flyby.closest_approach_s:>+14.1f}{how:>9}" for time_s, how in sorted(happens)
     ] or [f"{'none':>11}{MISSING:>14}{MISSING:>9}"]
-    said = "crossing" if course.ends_reversed else MISSING
-    first = f"  {name:<10}{start:>9.1f}{end:>9.1f}   {said:<10}{rows[0]}{slowest:>10}"
+    stated = "crossing" if course.ends_reversed else MISSING
+    first = f"  {name:<10}{start:>9.1f}{end:>9.1f}   {stated:<10}{rows[0]}{slowest:>10}"
     return [first, *(" " * 43 + row for row in rows[1:])]
 
 
@@ -123,8 +123,8 @@ def _avoid_text(flyby: Flyby, case: Case, within_s: float) -> list[str]:
     lines = [f"  no wheel at zero within {within_s:g} s of closest approach:"]
     for family in _families(flyby, case):
         allowed = allowed_values(flyby, family, within_s)
-        said = " or ".join(_interval_text(interval, family.unit) for interval in allowed) or "for no value"
-        lines.append(f"    {family.name} {said} ({_nearest_text(family, allowed)})")
+        stated = " or ".join(_interval_text(interval, family.unit) for interval in allowed) or "for no value"
+        lines.append(f"    {family.name} {stated} ({_nearest_text(family, allowed)})")
     return lines
 
 

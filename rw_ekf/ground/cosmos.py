@@ -32,7 +32,7 @@ def _telemetry(target: str, packet: WirePacket) -> Iterator[str]:
             yield f'  APPEND_ITEM {item.name.upper()} {size} {kind} "{item.meaning}"{_own_order(item, packet)}'
         if not is_plain(item):
             yield f"    POLY_READ_CONVERSION {number_text(item.offset)} {number_text(item.scale)}"
-        yield from _said(item)
+        yield from _stated(item)
 
 
 def _command(target: str, packet: WirePacket) -> Iterator[str]:
@@ -49,10 +49,10 @@ def _command(target: str, packet: WirePacket) -> Iterator[str]:
         if not is_plain(item):
             offset, slope = -item.offset / item.scale + 0.0, 1.0 / item.scale
             yield f"    POLY_WRITE_CONVERSION {number_text(offset)} {number_text(slope)}"
-        yield from _said(item)
+        yield from _stated(item)
 
 
-def _said(item: WireItem) -> Iterator[str]:
+def _stated(item: WireItem) -> Iterator[str]:
     if item.unit:
         unit = item.unit.replace(" ", "")
         yield f"    UNITS {unit} {unit}"

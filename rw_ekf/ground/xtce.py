@@ -46,17 +46,17 @@ def _telemetry(within: Element, replies: list[WirePacket]) -> None:
     for packet in replies:
         container = _add(containers, "SequenceContainer", name=packet.name, shortDescription=packet.meaning)
         entries = _add(container, "EntryList")
-        told_by = packet.items[size - 1]
+        reported_by = packet.items[size - 1]
         for item in packet.items[size:]:
             parameter = item.name if item.crc is not None else f"{packet.name}_{item.name}"
             named[parameter] = item
             _add(entries, "ParameterRefEntry", parameterRef=parameter)
         criteria = _add(_add(container, "BaseContainer", containerRef="Reply"), "RestrictionCriteria")
-        _add(criteria, "Comparison", parameterRef=told_by.name, value=str(int(told_by.constant or 0)))
+        _add(criteria, "Comparison", parameterRef=reported_by.name, value=str(int(reported_by.constant or 0)))
     for name, item in named.items():
         _type(types, "Parameter", f"{name}_type", item)
-        told_of = {"shortDescription": item.meaning} if item.meaning else {}
-        _add(parameters, "Parameter", name=name, parameterTypeRef=f"{name}_type", **told_of)
+        sentence_about = {"shortDescription": item.meaning} if item.meaning else {}
+        _add(parameters, "Parameter", name=name, parameterTypeRef=f"{name}_type", **sentence_about)
 
 
 def _commands(within: Element, requests: list[WirePacket]) -> None:
@@ -127,9 +127,9 @@ def _encoding(kind: Element, item: WireItem) -> None:
 
 
 def _checksum(within: Element, crc: WireCrc) -> None:
-    told = _add(within, "CRC", width="16", reflectData="true", reflectRemainder="true")
+    reported = _add(within, "CRC", width="16", reflectData="true", reflectRemainder="true")
     for tag, value in (("Polynomial", crc.polynomial), ("InitRemainder", crc.start), ("FinalXOR", crc.final)):
-        _add(told, tag).text = f"{value:04X}"
+        _add(reported, tag).text = f"{value:04X}"
 
 
 def _head_size(packets: Sequence[WirePacket]) -> int:

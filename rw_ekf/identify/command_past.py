@@ -37,8 +37,8 @@ def answer_taken_off(course: Course, values: Float64Array) -> Float64Array | Non
     found = np.linalg.lstsq(A, np.column_stack((values[rows], following[rows])), rcond=1.0e-9)[0]
     left, lead = (np.column_stack((values[rows], following[rows])) - A @ found).T
     # A command that its own past tells, as a profile's, tells nothing of a loop.
-    told = float(lead @ lead) <= 1.0e-6 * float(following[rows] @ following[rows])
-    share = 0.0 if told else float(lead @ left) / float(np.sqrt((lead @ lead) * (left @ left)) or 1.0)
+    reported = float(lead @ lead) <= 1.0e-6 * float(following[rows] @ following[rows])
+    share = 0.0 if reported else float(lead @ left) / float(np.sqrt((lead @ lead) * (left @ left)) or 1.0)
     if abs(share) > _FED_BACK / np.sqrt(rows.size):
         return None
     taken: Float64Array = np.full(values.size, np.nan)

@@ -59,7 +59,7 @@ class Motion(NamedTuple):
     """What the motion says of a log: sentences, without the final stop, and how much of it they are about."""
 
     misread: tuple[str, ...]  # what the log is not; none of a log that is read as it should be
-    asked: tuple[str, ...]  # whether units were mistaken
+    wanted: tuple[str, ...]  # whether units were mistaken
     unexplained: float | None  # share of the motion over windows that no gain and friction explain; None: not driven
 
 
@@ -75,14 +75,14 @@ def motion_of(log: WheelLog, *, described: bool = False) -> Motion:
     course, sums, read, noise = held
     driven = _is_driven(log, sums)
     found = itertools.islice(_suspicions(log, course, sums, read, noise, described=described), 1)
-    asked = () if described else itertools.islice(_units(log, read, driven=driven), 1)
-    return Motion(tuple(found), tuple(asked), read.left if driven else None)
+    wanted = () if described else itertools.islice(_units(log, read, driven=driven), 1)
+    return Motion(tuple(found), tuple(wanted), read.left if driven else None)
 
 
 def misreadings_and_questions(log: WheelLog, *, described: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What a log is not, and whether units were mistaken, or columns that were guessed, as in `Motion`."""
     motion = motion_of(log, described=described)
-    return motion.misread, (*(unexplained(motion) if log.guessed else ()), *motion.asked)
+    return motion.misread, (*(unexplained(motion) if log.guessed else ()), *motion.wanted)
 
 
 def unexplained(motion: Motion) -> tuple[str, ...]:
@@ -96,9 +96,9 @@ def unexplained(motion: Motion) -> tuple[str, ...]:
     )
 
 
-def warnings_of(misread: tuple[str, ...], asked: tuple[str, ...] = ()) -> list[str]:
+def warnings_of(misread: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[str]:
     """What a user is told of a log that is filtered or fitted all the same."""
-    return [f"the log is misread, and no number here is a machine's: {text}" for text in misread] or list(asked)
+    return [f"the log is misread, and no number here is a machine's: {text}" for text in misread] or list(wanted)
 
 
 def _held_against(log: WheelLog) -> tuple[Course, WindowSums, Reading, float] | None:
@@ -253,12 +253,13 @@ def _angle_beside_speed(log: WheelLog, course: Course, top: float) -> Iterator[s
         usual = [Slip(1.0 / slip.factor, slip.question) for slip in (*SPEED_SLIPS[speed_name][:1], *TIME_SLIPS)]
         for slip in (Slip(180.0 / math.pi, "is the angle in degrees?"), *usual):
             if abs(math.log(middle / slip.factor)) < _SAME_ANGLE:
-                told = f"the angle grows by {middle:.4g} times what the speed says: {slip.question}"
+                reported = f"the angle grows by {middle:.4g} times what the speed says: {slip.question}"
                 if "angle" in slip.question:
-                    yield f"{told} {degrees}"
+                    yield f"{reported} {degrees}"
                 else:
                     true = Slip(1.0 / slip.factor, slip.question)
-                    yield f"{told} {_lines(log, Slips(speed=true) if 'speed' in true.question else Slips(time=true))}"
+                    slips = Slips(speed=true) if "speed" in true.question else Slips(time=true)
+                    yield f"{reported} {_lines(log, slips)}"
     spread = float(np.nanmax(angle) - np.nanmin(angle))
     if _CIRCLE_DEG[0] < spread < _CIRCLE_DEG[1] and float(np.nanmax(np.abs(step))) > 180.0:
         yield f"the angle begins anew after 360: is it in degrees? {degrees}"

@@ -47,7 +47,7 @@ class Start:
     origin: FilterSetup  # of the configuration: the sign is held against it, not against what was learned
     fingerprint: str  # of where the configuration starts
     document: dict[str, Any]  # for the run's document: from, file, age_s, not_used
-    said: tuple[tuple[str, str], ...] = ()  # events with their sentences
+    stated: tuple[tuple[str, str], ...] = ()  # events with their sentences
     replaces: bool = False  # a learned file stands there that this run does not go on from
     standing: WheelModel | None = None  # what is in that file, as old as it is now, where it is of this wheel and sound
     from_prior: bool = True  # from the configuration alone: what it says before its first reading is the prior
@@ -60,15 +60,15 @@ def start_of_run(
 
     Raises BadInputError where the model that was given is of another wheel, which this run would drive.
     """
-    said: list[tuple[str, str]] = []
+    stated: list[tuple[str, str]] = []
     model = given.model
     if model is not None:
         if configuration.command.writes:
             _check_gain(model, given, configuration.limits.current_A)
-        said += [("model_changed", text) for text in model.remarks]
-        said += _whose(model, given, wheel, drives=configuration.command.writes)
+        stated += [("model_changed", text) for text in model.remarks]
+        stated += _whose(model, given, wheel, drives=configuration.command.writes)
         model, notes = carried_over(model)
-        said += [("effect_not_carried_over", text) for text in notes]
+        stated += [("effect_not_carried_over", text) for text in notes]
     setup = origin = setup_of_configuration(configuration, model)
     began = _fingerprint(configuration, given.model)
     found, why_not = _read(learned, configuration, given)
@@ -88,12 +88,14 @@ def start_of_run(
         age_s = (now - found.saved).total_seconds()
         age_s = 0.0 if -_STEPPED_S < age_s < 0.0 else age_s
         model, notes = carried_over(found.model)
-        said += [("effect_not_carried_over", text) for text in notes]
-        said.append(("learned_continued", _continued(learned, found, age_s, wheel)))
+        stated += [("effect_not_carried_over", text) for text in notes]
+        stated.append(("learned_continued", _continued(learned, found, age_s, wheel)))
         setup = setup_of_start(configuration, aged(model, origin, age_s if age_s >= 0.0 else _UNKNOWN_AGE_S))
         document = {"from": "learned", "file": str(learned), "age_s": age_s, "learned_not_used": None}
     elif why_not is not None:
-        said.append(("learned_not_used", f"the run starts from {_origin(given)}, not from what was learned: {why_not}"))
+        stated.append(
+            ("learned_not_used", f"the run starts from {_origin(given)}, not from what was learned: {why_not}")
+        )
     source = {"method": "start", **document, "started_from": began}
     return Start(
         setup=setup,
@@ -102,7 +104,7 @@ def start_of_run(
         origin=origin,
         fingerprint=began,
         document=document,
-        said=tuple(said),
+        stated=tuple(stated),
         replaces=not goes_on and configuration.filter.continue_learned and os.path.lexists(learned),
         standing=standing,
         from_prior=model is None,

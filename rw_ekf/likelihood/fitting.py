@@ -239,8 +239,8 @@ class Fit:
         if laws:
             return min(_sigmas(np.array(item.term.values), item.covariance) for item in laws)
         if len(items) > 1 and items[0].term.effect.repeats:
-            told = [item.term.effect.amplitude(item.term.values, item.covariance) for item in items]
-            return min(size / std if std > 0.0 else 0.0 for size, std in told)
+            described = [item.term.effect.amplitude(item.term.values, item.covariance) for item in items]
+            return min(size / std if std > 0.0 else 0.0 for size, std in described)
         size, std = self.size_of(effect_id)
         return size / std if std > 0.0 else 0.0
 

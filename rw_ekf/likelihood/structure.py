@@ -86,13 +86,13 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
     return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(knots.size)))
 
 
-def structure(fit: Fit, asked: Float64Array | None = None) -> Structure:
+def structure(fit: Fit, wanted: Float64Array | None = None) -> Structure:
     """Test the fit of a model without friction that has a memory for what would add to it.
 
     asked: slopes (n, m) of each one-step prediction by what is asked for; None: by what the commonest effects add.
     """
     linearised = fit.linearised
-    extra = _regressors(fit) if asked is None else asked
+    extra = _regressors(fit) if wanted is None else wanted
     best_with, best_without = -math.inf, -math.inf
     with_value, without_value = 0.0, 0.0
     combine = np.zeros((0, 0))
@@ -151,9 +151,9 @@ def _combination(beside: Float64Array, lengths: Float64Array) -> Float64Array:
     """Combinations (m, freedom) of regressors of these lengths (m,) that the model's own cannot follow."""
     keep = np.linalg.norm(beside, axis=0) > _OWN_SHARE * np.maximum(lengths, 1.0e-300)
     _, spread, T = np.linalg.svd(beside[:, keep] / lengths[keep], full_matrices=False)
-    told = spread > _OWN_SHARE
-    found = np.zeros((beside.shape[1], int(np.count_nonzero(told))))
-    found[keep] = (T[told].T / spread[told]) / lengths[keep][:, None]
+    reported = spread > _OWN_SHARE
+    found = np.zeros((beside.shape[1], int(np.count_nonzero(reported))))
+    found[keep] = (T[reported].T / spread[reported]) / lengths[keep][:, None]
     return found
 
 

@@ -47,8 +47,8 @@ class AlarmWatch:
             self._active.clear()
             self._logger.error("watch_failed", reason=str(error), do="the run goes on without alarms")
             return Alarms()
-        said = [self._say(alarm, sample.time_s) for alarm in news]
-        over = tuple(told for told, alarm in zip(said, news, strict=True) if alarm.ended_s is not None)
+        stated = [self._say(alarm, sample.time_s) for alarm in news]
+        over = tuple(reported for reported, alarm in zip(stated, news, strict=True) if alarm.ended_s is not None)
         left = self._watch.remaining_drag if self._active else None
         on = self._active.values()
         return Alarms(tuple(on) if left is None else tuple(_with_remaining(alarm, *left) for alarm in on), over)
@@ -67,13 +67,13 @@ class AlarmWatch:
         entry = {"since_utc": since, "since_s": alarm.since_s, **alarm.details}
         if alarm.ended_s is None:
             sentence = alarm.sentence(since)
-            told = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, alarm.details)
-            self._active[alarm.name] = told
+            reported = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, alarm.details)
+            self._active[alarm.name] = reported
         else:
             ended = self._utc(alarm.ended_s, time_s)
             sentence = alarm.sentence(since, ended)
             details = {**alarm.details, "ended_utc": ended, "ended_s": alarm.ended_s}
-            told = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, details)
+            reported = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, details)
             entry |= details
             self._active.pop(alarm.name, None)
         known = {key: value for key, value in entry.items() if value is not None}
@@ -82,7 +82,7 @@ class AlarmWatch:
             self._sentences.append(sentence)
         else:
             self._more += 1
-        return told
+        return reported
 
     def _utc(self, time_s: float, now_s: float) -> str:
         """UTC of a time of the log [s], given that it is now_s now; the wheel's clock may run at any rate."""

@@ -94,7 +94,7 @@ def turns_of_run(
             files = RunFiles.of_run(configuration, began)
             leave_place(configuration)
             start = start_of_run(configuration, task.given, _tag(live, protocol, configuration), files.learned, began)
-            for event, text in start.said:
+            for event, text in start.stated:
                 logger.info(event, text=text)
             setup, prior = start.setup, start.setup.prior
             estimator = Estimator(setup.constants, prior.mean, prior.covariance, setup.effects, setup.effect_drift)

@@ -39,9 +39,9 @@ _TRIES = 3  # of another register: three in a row are lost once in 46 on a line 
 _WATCHED_S = 0.6  # a zero before it is called confirmed: a wheel under 0.1 A changes its speed by some 8 rpm in it
 _LOOK_EVERY_S = 0.1
 _LEAST_LOOKS, _MOST_LOOKS = 3, 15  # readings; tries, where some are lost
-NOT_IN_FORCE, NOT_TOLD = "zero_not_in_force", "zero_not_told"
+NOT_IN_FORCE, NOT_REPORTED = "zero_not_in_force", "zero_not_told"
 LIMIT_LOWERED = "speed_limit_lowered"
-_SAID_BELOW = 0.9  # share of the speed limit; from 1 on it counts as whole again
+_STATED_BELOW = 0.9  # share of the speed limit; from 1 on it counts as whole again
 _BRAKE_STEPS = 6.0
 _OTHER_MAY = 1.15  # of the speed limit, by charge: what its own errors may come to on a healthy wheel near the limit
 _USUAL_STEP_RAD_S = rad_s_from_rpm(1.0)  # of a reading, where no configuration says it
@@ -252,21 +252,21 @@ class CurrentGuard:
         motion tells a small current from none, and a wheel that has no such mode must slow down as its friction has it.
         Takes 0.6 s of readings, and so much again for each way.
         """
-        is_untold = False  # it tells no current, and nothing spoke against the zero
+        is_unreported = False  # it tells no current, and nothing spoke against the zero
         try:
             for way in range(len(_WAYS)):
                 done = self.zero(within_s) if way == 0 else any(self._let_go(way) for _ in range(_TRIES))
                 seen = done and self._is_seen(briefly=way == 0)
-                if seen and (way > 0 or not self._sight.is_untold):
+                if seen and (way > 0 or not self._sight.is_unreported):
                     return True
                 against = self._sight.against or self._sight.goes_on
                 if against is not None:
                     self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {against}")
-                elif is_untold and not done:
+                elif is_unreported and not done:
                     return self._rests()
                 elif not seen and (done or way > 0):  # no readings, or no answer: no other register helps that
                     return False
-                is_untold = seen
+                is_unreported = seen
         except DriverError:
             pass
         return False
@@ -275,12 +275,12 @@ class CurrentGuard:
         """Whether a wheel that tells no current and has no idle mode comes to rest by its motion; else it is said."""
         if self._is_seen() and self._sight.rests:
             return True
-        untold = (
+        unreported = (
             "telemetry tells none, the wheel turns, and how it slows down does not exclude that a smaller one is left "
             "on; it takes no idle mode either"
         )
-        against = self._sight.against or self._sight.goes_on or untold
-        self._say(NOT_TOLD, f"the wheel acknowledged a current of zero, but {against}")
+        against = self._sight.against or self._sight.goes_on or unreported
+        self._say(NOT_REPORTED, f"the wheel acknowledged a current of zero, but {against}")
         return False
 
     def _allowed(self, requested_A: float, start_A: float, now: float) -> tuple[float, str | None]:
@@ -297,20 +297,20 @@ class CurrentGuard:
 
     def _tell(self, share: float) -> None:
         """Say it once where not all of the speed limit counts, whatever the reason for a current is then."""
-        if share < _SAID_BELOW and not self._is_lowered:
+        if share < _STATED_BELOW and not self._is_lowered:
             self._say(
                 LIMIT_LOWERED,
                 "the currents move the speed readings less than expected, or than they did in this run: the scale of "
                 f"the readings may have become smaller, so {share:.0%} of limits.speed_rpm count",
             )
-        self._is_lowered = share < (1.0 if self._is_lowered else _SAID_BELOW)
+        self._is_lowered = share < (1.0 if self._is_lowered else _STATED_BELOW)
 
-    def _ramp_start_A(self, told_A: float | None) -> float:
+    def _ramp_start_A(self, reported_A: float | None) -> float:
         """Where the slew begins: what is in force as telemetry has it, but between zero and what was written last.
 
         A wheel that restarted carries zero; one that never confirmed the last command may carry that or the one before.
         """
-        start = self._previous_A if told_A is None or not math.isfinite(told_A) else told_A
+        start = self._previous_A if reported_A is None or not math.isfinite(reported_A) else reported_A
         return min(max(start, min(0.0, self._written_A)), max(0.0, self._written_A))
 
     def _look(self, sample: WheelSample, current_A: float, *, held: bool) -> None:

@@ -102,7 +102,7 @@ class LiveWheel:
         self._in_silence = place.in_silence
         self._time = SampleTime()
         self._heard_s = clock.monotonic()
-        self._told_A: float | None = None  # the last current that the log and the filter were told of
+        self._reported_A: float | None = None  # the last current that the log and the filter were told of
         self._broken = False  # the line was lost since the last reading
         self._breaks = 0
         self._zeroed_after_s: float | None = None  # in silence: the zero was confirmed, so long after the tick
@@ -151,7 +151,7 @@ class LiveWheel:
         log has a reading without a sample.
         """
         clock = self._clock
-        self.due_s = told_s = self.due_s if self.due_s is not None else clock.monotonic()
+        self.due_s = reported_s = self.due_s if self.due_s is not None else clock.monotonic()
         covered_s = 0.0
         before: WheelSample | None = None
         while not self._stop.wait(self.due_s - clock.monotonic(), clock):
@@ -163,8 +163,8 @@ class LiveWheel:
             sample = reading.sample
             if sample is not None:
                 known = before is not None and sample.segment == before.segment
-                covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - told_s
-                before, told_s = sample, now
+                covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - reported_s
+                before, reported_s = sample, now
             self._is_over = False
             yield reading
             if self.halted is not None:
@@ -172,7 +172,7 @@ class LiveWheel:
             if not self._is_over:
                 self.turn_is_over()
             duration_s = lasts_s()
-            if duration_s is not None and covered_s + now - told_s >= duration_s - 0.5 * self._period_s:
+            if duration_s is not None and covered_s + now - reported_s >= duration_s - 0.5 * self._period_s:
                 return
 
     def turn_is_over(self) -> None:
@@ -196,7 +196,7 @@ class LiveWheel:
         except DriverError as error:
             self._lose(error)
             return None
-        self._told_A = command.current_A
+        self._reported_A = command.current_A
         self.check.commanded(command)
         self._changed.take(command, self._clock.monotonic())
         return command
@@ -240,7 +240,7 @@ class LiveWheel:
         now = self._clock.monotonic()
         if self.silent:
             self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
-        unsure = (self._broken or self._connection.guard.doubtful) and not self._as_told(sample)
+        unsure = (self._broken or self._connection.guard.doubtful) and not self._as_reported(sample)
         if (unsure or self._unknown_since_zero) and self._time.last is not None:
             self._breaks += 1
         if self._time.last is None:
@@ -312,15 +312,17 @@ class LiveWheel:
     def _command_of_a_missed_tick(self) -> IssuedCommand | None:
         if self._zeroed_after_s is None:
             return None
-        self._told_A = 0.0
+        self._reported_A = 0.0
         command = IssuedCommand(0.0, self._zeroed_after_s)
         self.check.commanded(replace(command, acknowledged=False))  # from when on it acts is known to a tick only
         return command
 
-    def _as_told(self, sample: WheelSample) -> bool:
+    def _as_reported(self, sample: WheelSample) -> bool:
         """Whether telemetry reports the current that the log says was in force."""
-        said = sample.current_command_A
-        return said is not None and self._told_A is not None and math.isclose(said, self._told_A, abs_tol=1e-7)
+        stated = sample.current_command_A
+        return (
+            stated is not None and self._reported_A is not None and math.isclose(stated, self._reported_A, abs_tol=1e-7)
+        )
 
     def _lose(self, error: DriverError) -> None:
         self._connection.lose(error)

@@ -15,7 +15,7 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.parent_process import die_with_parent
 from rw_ekf.records import StateNow
 
-TURN, OVER, TOLD = b".", b"o", b"t"
+TURN, OVER, REPORTED = b".", b"o", b"t"
 _PINGS = 4.0  # as many in the time after which systemd takes the process for hung: between two, half of it never passes
 
 
@@ -81,9 +81,9 @@ class Heartbeat:
         """The loop has ended in order."""
         self._write(OVER)
 
-    def told(self) -> None:
+    def reported(self) -> None:
         """What went wrong has been said to the user; nothing has crashed."""
-        self._write(TOLD)
+        self._write(REPORTED)
 
     def _write(self, byte: bytes) -> None:
         try:
@@ -107,7 +107,7 @@ class SystemdWatchdog:
         self._clock = clock
         self._every_s = None if hung_after_s is None else hung_after_s / _PINGS
         self._ping_at_s = 0.0
-        self._told: StateNow | None = None
+        self._reported: StateNow | None = None
         self._ready = False
 
     def turned(self, state: StateNow | None) -> None:
@@ -115,13 +115,13 @@ class SystemdWatchdog:
         words = []
         if not self._ready:
             words.append("READY=1")
-        if state is not None and state is not self._told:
+        if state is not None and state is not self._reported:
             words.append(f"STATUS={state.state.value}: {' '.join(state.reason.split())}")
         now = self._clock.monotonic()
         if self._every_s is not None and now >= self._ping_at_s:
             words.append("WATCHDOG=1")
         if words and self._send(words):
-            self._ready, self._told = True, state
+            self._ready, self._reported = True, state
             if self._every_s is not None:
                 self._ping_at_s = now + self._every_s
 

@@ -27,7 +27,7 @@ _MOST_PATH_BYTES = 107  # of a Unix domain socket, on Linux
 _READS = 8  # a turn, of 64 KiB: more than a socket's buffer holds
 _CHUNK_BYTES = 65_536
 _ACCEPTS = 4  # a turn
-_SAID_AT_MOST = 10  # events about clients: after so many they are only counted
+_STATED_AT_MOST = 10  # events about clients: after so many they are only counted
 
 
 class RequestTerms(NamedTuple):
@@ -52,10 +52,10 @@ class RequestSocket:
         self._client: socket.socket | None = None
         self._buffer = LineBuffer()
         self._unsent = b""
-        self._asked = False  # for a request in this turn
+        self._wanted = False  # for a request in this turn
         self._taken_Nm = 0.0
         self._error: str | None = None
-        self._said = 0
+        self._stated = 0
         self.counts = dict.fromkeys(("clients", "refused_clients", "requests", "refused_lines", "unread_answers"), 0)
         self._listener = _listening(path)
         self._inode = os.stat(path).st_ino
@@ -63,16 +63,16 @@ class RequestSocket:
     def request_rad_s2(self, tick: Tick) -> float:
         """The wheel's acceleration [rad/s^2] that is asked for at this turn."""
         self._look()
-        self._asked = True
+        self._wanted = True
         self._taken_Nm = self._request.at(self._clock.monotonic())
         return self._taken_Nm / self._terms.inertia_kg_m2
 
     def write(self, tick: Tick) -> None:
         """Tell the client of a turn."""
-        if not self._asked:  # in this turn: the line is down, or the wheel is moved to confirm its sign
+        if not self._wanted:  # in this turn: the line is down, or the wheel is moved to confirm its sign
             self._look()
             self._taken_Nm = 0.0
-        self._asked = False
+        self._wanted = False
         if self._client is not None:
             self._answer(line_of(self._document(tick)))
             self._error = None
@@ -181,9 +181,11 @@ class RequestSocket:
             self._say("request_client_gone", text=f"the controller is gone ({why}): its last request fades to zero")
 
     def _say(self, event: str, text: str) -> None:
-        self._said += 1
-        if self._said <= _SAID_AT_MOST:
-            self._note(event, text=text if self._said < _SAID_AT_MOST else f"{text}; further such events are not said")
+        self._stated += 1
+        if self._stated <= _STATED_AT_MOST:
+            self._note(
+                event, text=text if self._stated < _STATED_AT_MOST else f"{text}; further such events are not said"
+            )
 
 
 def _close(client: socket.socket) -> None:

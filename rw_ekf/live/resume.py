@@ -58,9 +58,9 @@ def resume_daemon(configuration: Configuration, *, of_line: bool) -> Resumed | N
         text = f"process {facts.pid} publishes nothing of {configuration.wheel.name} here, and was told nothing: "
         return Resumed(facts.pid, False, None, f"{text}another wheel of the line might have heard it")
     if not _is_of(before, facts.pid):
-        told = tell(facts, RESUME)
+        reported = tell(facts, RESUME)
         text = f"process {facts.pid} was told to resume, but publishes nothing here: see its own log"
-        return Resumed(facts.pid, False, None, text) if told else None
+        return Resumed(facts.pid, False, None, text) if reported else None
     assert before is not None
     if before.run_state != RunState.SAFE:
         state = before.run_state

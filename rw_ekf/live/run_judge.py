@@ -192,8 +192,8 @@ class RunJudge:
             return None
         limit = self._limits.temperature_degC
         # A bearing warms in minutes, so that one temperature now and then is enough, on a line that loses many.
-        told = sample.temperature_degC is not None or not self._tells_temperature
-        self._unheated_s = 0.0 if told else self._unheated_s + self._period_s
+        reported = sample.temperature_degC is not None or not self._tells_temperature
+        self._unheated_s = 0.0 if reported else self._unheated_s + self._period_s
         if self._unheated_s > self._longest_unheated_s:
             return (
                 f"no temperature that a wheel can have was read for long: limits.temperature_degC = {limit:g} cannot "

@@ -47,7 +47,7 @@ class RunStates:
         self._latches = latches
         self._good = self._bad = 0  # turns running
         self._bad_share = 0.0
-        self._resume_asked = False
+        self._resume_wanted = False
         self.forbidden: str | None = None  # why it must not be driven for the rest of the run, whoever says what
         self.now = StateNow(RunState.CONNECTING, utc_text(clock.utc()), "the line has been opened")
 
@@ -66,7 +66,7 @@ class RunStates:
             self._go(RunState.SAFE, danger)
         else:
             self._follow(turn, turn.trouble or danger)
-        self._resume_asked = False
+        self._resume_wanted = False
         return self.now
 
     def latch(self, danger: str, *, for_good: bool = False) -> None:
@@ -80,7 +80,7 @@ class RunStates:
 
     def resume(self) -> None:
         """A person says that the wheel may be driven again; heard at the next turn."""
-        self._resume_asked = True
+        self._resume_wanted = True
 
     def _count(self, turn: Turn) -> None:
         good = turn.used and turn.link is LinkState.ANSWERED and turn.trouble is None and turn.danger is None
@@ -89,7 +89,7 @@ class RunStates:
         self._bad_share += _FORGET * ((not good) - self._bad_share)
 
     def _leave_safe(self, danger: str | None) -> None:
-        if not self._resume_asked:
+        if not self._resume_wanted:
             return
         if danger is None:
             self._good = 0

@@ -49,18 +49,18 @@ class SignCheck:
         self._forbid = forbid
         self._found = found
         self._logger = logger
-        self._said: dict[str, str] = {}
+        self._stated: dict[str, str] = {}
         self._confirmed = confirmed
 
     @property
     def confirmed(self) -> bool:
         """Whether a motion of this wheel has shown sign and size of its gain, in this run or before, and none else."""
-        return self._confirmed and not self._said
+        return self._confirmed and not self._stated
 
     @property
     def doubt(self) -> str | None:
         """What was found to be wrong; None if nothing."""
-        return next(iter(self._said.values()), None)
+        return next(iter(self._stated.values()), None)
 
     def step(self, tick: Tick) -> None:
         """Take one turn of the loop."""
@@ -68,25 +68,25 @@ class SignCheck:
         self._watch.add(tick)
         if self._watch.pieces == pieces:
             return
-        if self._watch.is_wrong and WRONG_SIGN not in self._said:
+        if self._watch.is_wrong and WRONG_SIGN not in self._stated:
             text = self._wrong_sign()
             self._tell(WRONG_SIGN, text)
             if self._forbid is not None:
                 self._forbid(text)
         factor = self._watch.odd_factor
-        if factor is not None and not self._said:
+        if factor is not None and not self._stated:
             text = self._odd_gain(factor)
             self._tell(ODD_GAIN, text)
             if self._forbid is not None:
                 self._forbid(text)
-        if not self._confirmed and not self._said and self._watch.is_right:
+        if not self._confirmed and not self._stated and self._watch.is_right:
             self._confirmed = True
             gain, std = self._watch.gain
             text = f"a positive current turns the wheel forward: its motor gain is {plus_minus(gain, std)} rad/s^2/A"
             self._logger.info("sign_confirmed", text=text)
 
     def _tell(self, event: str, text: str) -> None:
-        self._said[event] = text
+        self._stated[event] = text
         self._logger.warning(event, text=text)
         self._found(event, text)
 

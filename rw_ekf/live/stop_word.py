@@ -18,7 +18,7 @@ from rw_ekf.live.port_name import names_of
 from rw_ekf.live.process import facts_of, other_processes, own_process
 from rw_ekf.plain_file import json_of, read_plain
 
-TOLD_TO_STOP = "rw-ekf stop was asked for while this run was starting: nothing was commanded"
+REPORTED_TO_STOP = "rw-ekf stop was asked for while this run was starting: nothing was commanded"
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 _PATTERN = "rw-ekf-*.stop"
@@ -42,7 +42,7 @@ def leave_word(port: str) -> None:
         put_shared(path, json.dumps({"boot": _boot(), "words": words}).encode())
 
 
-def told_to_stop(port: str) -> bool:
+def stop_requested(port: str) -> bool:
     """Whether a stop of this port, by its own user or root, came while this process was starting."""
     me = list(own_process().values())
     names = names_of(port)

@@ -20,11 +20,11 @@ from rw_ekf.clock import Clock
 from rw_ekf.console import STATUS
 from rw_ekf.errors import DriverError
 from rw_ekf.live.guard import STAND_DOWN_S, zero_each
-from rw_ekf.live.oversight import OVER, TOLD, TURN, Heartbeat
+from rw_ekf.live.oversight import OVER, REPORTED, TURN, Heartbeat
 from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.process import ProcessHandle
 from rw_ekf.live.stop_signal import ForwardedSignals
-from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
+from rw_ekf.live.stop_word import REPORTED_TO_STOP, stop_requested
 
 if TYPE_CHECKING:
     from rw_ekf.driver import WheelProtocol
@@ -75,7 +75,7 @@ class _Child:
     beats: int  # the reading end of its pipe
     turns: int = 0
     over: bool = False
-    told: bool = False
+    reported: bool = False
     idle_s: float = 0.0
     killed_for: str | None = None
     code: int = 0  # as os.waitstatus_to_exitcode has it
@@ -84,15 +84,15 @@ class _Child:
         """Take what it has said."""
         while True:
             try:
-                said = os.read(self.beats, 4096)
+                stated = os.read(self.beats, 4096)
             except BlockingIOError:
                 return
-            if not said:
+            if not stated:
                 return
             self.idle_s = 0.0
-            self.turns += said.count(TURN)
-            self.over = self.over or OVER in said
-            self.told = self.told or TOLD in said
+            self.turns += stated.count(TURN)
+            self.over = self.over or OVER in stated
+            self.reported = self.reported or REPORTED in stated
 
     def reap(self) -> None:
         """Take its exit status; it has ended."""
@@ -139,8 +139,8 @@ class Supervisor:
         port = self.wheels[0][0].wheel.port
         claim = PortClaim(port, self.clock, supervises=True)
         with self._signals, claim:
-            if told_to_stop(port):
-                self.logger.warning("not_begun", reason=TOLD_TO_STOP)
+            if stop_requested(port):
+                self.logger.warning("not_begun", reason=REPORTED_TO_STOP)
                 return 0
             crashes: deque[float] = deque(maxlen=_MOST_CRASHES)
             turned = False
@@ -159,14 +159,14 @@ class Supervisor:
                 with child.handle:
                     self._watch(child, claim)
                 turned = turned or child.turns > 0
-                if child.over or (child.told and (child.exit_status != 1 or not turned)):
+                if child.over or (child.reported and (child.exit_status != 1 or not turned)):
                     return self._end(child)
                 zeroed = self._zero_at_once()
                 self._say_died(child, _NOT_CONFIRMED if not zeroed else self._done)
                 if self._stopping:
                     return 0 if zeroed and child.ended_by(self._signals.stops) else 1
                 now = self.clock.monotonic()
-                if child.turns > 0 or not child.told:  # a wheel that is not there yet is no crash
+                if child.turns > 0 or not child.reported:  # a wheel that is not there yet is no crash
                     if len(crashes) == _MOST_CRASHES and now - crashes[0] < _WITHIN_S:
                         return self._give_up()
                     crashes.append(now)

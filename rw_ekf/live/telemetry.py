@@ -91,8 +91,8 @@ class TelemetryCheck:
 
     def found(self, event: str, text: str) -> None:
         """Note a finding for the run's document; the first sentence of an event stands, and how often it came."""
-        said, times = self._sentences.get(event, (text, 0))
-        self._sentences[event] = said, times + 1
+        stated, times = self._sentences.get(event, (text, 0))
+        self._sentences[event] = stated, times + 1
 
     def attached(self, identity: WheelIdentity | None) -> None:
         """Keep who answered at the start."""

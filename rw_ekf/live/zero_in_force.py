@@ -51,7 +51,7 @@ class _Left(NamedTuple):
         return math.hypot(self.slows_std, self.friction_std)
 
     @property
-    def is_told(self) -> bool:
+    def is_reported(self) -> bool:
         """Whether what may be left lets the wheel come to rest."""
         return self.friction is not None and abs(self.left) + _MAY * self.std < self.breakaway
 
@@ -84,7 +84,7 @@ class ZeroSight:
     def begin(self) -> None:
         """A zero is written anew, or by another way."""
         self.readings = 0
-        self._told: deque[float] = deque(maxlen=_LOOKS)
+        self._reported: deque[float] = deque(maxlen=_LOOKS)
         self._measured: deque[float] = deque(maxlen=_LOOKS)
         self._speeds: deque[float] = deque(maxlen=_AGAINST)
         self._course: deque[tuple[float, float]] = deque(maxlen=COURSE)  # time and speed
@@ -96,7 +96,7 @@ class ZeroSight:
         """Take a reading."""
         self.readings += 1
         if sample.current_command_A is not None:
-            self._told.append(sample.current_command_A)
+            self._reported.append(sample.current_command_A)
         if sample.current_A is not None:
             self._measured.append(sample.current_A)
         if sample.speed_rad_s is not None:
@@ -114,21 +114,21 @@ class ZeroSight:
     def is_open(self) -> bool:
         """Whether the motion alone could tell a zero, the wheel turns, and does not tell it yet."""
         left = self._left()
-        if left is None or left.is_told:
+        if left is None or left.is_reported:
             return False
         full = len(self._course) == COURSE  # that its friction is not known well enough is known then
         return left.slows < _SURE * left.slows_std or (left.friction is not None and not full)
 
     @property
-    def is_untold(self) -> bool:
+    def is_unreported(self) -> bool:
         """Whether telemetry tells neither a command nor a current."""
-        return not self._told and not self._measured
+        return not self._reported and not self._measured
 
     @property
     def rests(self) -> bool:
         """Whether it may be at rest, or by its motion comes to rest, whatever may be left on (eq. 1)."""
         left = self._left()
-        return left is None or left.is_told
+        return left is None or left.is_reported
 
     @property
     def goes_on(self) -> str | None:
@@ -144,7 +144,7 @@ class ZeroSight:
         """Eq. 1; None where telemetry tells a current, or the wheel may be at rest, or too little is known yet."""
         half, course = len(self._course) // 2, list(self._course)
         turns = len(self._speeds) == _AGAINST and min(self._speeds) > self._growth
-        if not self.is_untold or half == 0 or self._step == 0.0 or not turns:
+        if not self.is_unreported or half == 0 or self._step == 0.0 or not turns:
             return None
         (early_s, fast), (late_s, slow) = (_mean(part) for part in (course[:half], course[-half:]))
         if not late_s > early_s:
@@ -161,9 +161,9 @@ class ZeroSight:
     @property
     def against(self) -> str | None:
         """What speaks against it, in words; None where nothing does."""
-        told = [value for value in self._told if abs(value) > _COUNT_A]
-        if len(told) >= _AGAINST:
-            return f"telemetry says that {told[-1]:.4g} A is commanded"
+        reported = [value for value in self._reported if abs(value) > _COUNT_A]
+        if len(reported) >= _AGAINST:
+            return f"telemetry says that {reported[-1]:.4g} A is commanded"
         measured = [value for value in self._measured if abs(value) > self._tolerance_A]
         if len(measured) >= _AGAINST:
             return f"{measured[-1]:.4g} A is measured"

@@ -66,13 +66,13 @@ class RowTally:
 
     def gaps(self, path: str, name: str) -> list[str]:
         """Sentences on what was taken where column `name` has no current."""
-        said = []
+        stated = []
         if self.leading:
             rows = "1 row" if self.leading == 1 else f"{self.leading} rows"
-            said.append(f"{path}: no {name} in {rows} at the start of a segment; 0 A was taken there")
+            stated.append(f"{path}: no {name} in {rows} at the start of a segment; 0 A was taken there")
         if self.held > _GAPS_UNSAID * self.kept:
-            said.append(f"{path}: no {name} in {self.held} of {self.kept} rows; the value before was held there")
-        return said
+            stated.append(f"{path}: no {name} in {self.held} of {self.kept} rows; the value before was held there")
+        return stated
 
 
 class Assembly:
@@ -82,7 +82,7 @@ class Assembly:
         """carried: names of columns that the log needs of those which it does not know; None: all of them."""
         self.tally = RowTally()
         self._columns, self._carried = columns, carried
-        self._said: list[str] = []  # of the first table, and on the column of the current
+        self._stated: list[str] = []  # of the first table, and on the column of the current
         self._drive: tuple[str, Drive] | None = None  # the column, and what it is
 
     def whole(self, table: RawTable) -> WheelLog:
@@ -97,7 +97,7 @@ class Assembly:
 
     def warnings(self, path: str) -> list[str]:
         """What was mended in the rows so far. Raises LogError where that is too much to be an accident."""
-        of_table, of_drive = self._said[:-1], self._said[-1:]
+        of_table, of_drive = self._stated[:-1], self._stated[-1:]
         name = "" if self._drive is None else self._drive[0]
         return [*of_table, *self.tally.skipped_rows(path), *filter(None, of_drive), *self.tally.gaps(path, name)]
 
@@ -109,7 +109,7 @@ class Assembly:
         columns, tally = self._columns, self.tally
         mapped = map_columns(table, columns)
         if before is None:
-            self._said = [*table.warnings, *mapped.warnings]
+            self._stated = [*table.warnings, *mapped.warnings]
         begin = 0 if before is None else before.rows
         if before is not None:
             table, mapped = _behind(before, table, mapped)
@@ -199,7 +199,7 @@ class Assembly:
             )
         name = filled[0]
         switched = f"{table.path}: column '{candidates[0]}' is empty throughout; '{name}' drives the model"
-        self._said.append(switched if name != candidates[0] else "")
+        self._stated.append(switched if name != candidates[0] else "")
         what: Drive = "current_command_A" if name == "current_command_A" else "current_A"
         self._drive = name, "constant" if name in mapped.constant else what
         return self._drive

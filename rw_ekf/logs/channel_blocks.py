@@ -60,12 +60,12 @@ def channels_above(lines: Sequence[str], width: int) -> tuple[list[Channel], fro
         match = _NUMBERED.fullmatch(line) or _NAMED.fullmatch(line) or (inside and _IN_SECTION.fullmatch(line)) or None
         if match is None or section is not None:
             continue
-        said = match.groupdict()
-        number = int(said.get("number", inside))
-        if kind := kind_of(said.get("key", "name")):
+        stated = match.groupdict()
+        number = int(stated.get("number", inside))
+        if kind := kind_of(stated.get("key", "name")):
             found.setdefault(number, {}).setdefault(kind, match["value"].strip(" \"'"))
             used.add(at)
-    channels = [Channel(*(said.get(kind, "") for kind in _KINDS)) for _, said in sorted(found.items())]
+    channels = [Channel(*(stated.get(kind, "") for kind in _KINDS)) for _, stated in sorted(found.items())]
     whole = len(channels) == width and all(channel.name for channel in channels)
     return (channels, frozenset(used)) if whole else ([], frozenset())
 

@@ -73,7 +73,7 @@ class Answers:
         """An entry with what else was given for it."""
         return {**entry, **self.more.get(name, {})}
 
-    def add_unasked(self, guess: Guess) -> None:
+    def add_certain(self, guess: Guess) -> None:
         """Give what was set for columns that nothing asked for."""
         known = {line.name for line in guess.lines} | {question.name for question in guess.questions}
         for name, column in self.columns.items():

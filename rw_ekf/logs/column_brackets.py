@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_records import Column
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.column_words import BACKWARD, FORWARD, WORDS
@@ -28,25 +28,25 @@ def unread(column: Column) -> str:
 
     The last unit in brackets is the column's: one before it that measures something else is asked about.
     """
-    said, name = column.said.unit, column.bare_name or column.name
+    stated, name = column.stated.unit, column.bare_name or column.name
     for text in BRACKETED.findall(_INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
-        another = known is not None and said is not None and known.quantity != said.quantity
-        symbol = len(text) == 1 and role_of(said_by(text)) == column.role  # time(t), speed(n)
-        if symbol or SINCE_LAST.search(text) or (said is not None and _OBJECT.fullmatch(text)):  # counts, understood
+        another = known is not None and stated is not None and known.quantity != stated.quantity
+        symbol = len(text) == 1 and role_of(stated_by(text)) == column.role  # time(t), speed(n)
+        if symbol or SINCE_LAST.search(text) or (stated is not None and _OBJECT.fullmatch(text)):  # counts, understood
             continue
         odd = short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text) or any(map(unit_of, text.split("/")))
-        if another or (known is None and (odd or (said is None and _is_no_word(text, name)))):
+        if another or (known is None and (odd or (stated is None and _is_no_word(text, name)))):
             return str(text)
     return ""
 
 
 def _is_no_word(text: str, name: str) -> bool:
     """Whether what ends a name in square brackets says nothing of it, as only a unit does: `[Skt]`, `[raw]`."""
-    words = {word for word in said_by(text).words if len(word) > 1}
-    told = text.lower() in FORWARD | BACKWARD | _AXES or any(words & known for known in WORDS.values())
-    told &= text.lower() != "raw"
-    return name.rstrip().endswith(f"[{text}]") and not told
+    words = {word for word in stated_by(text).words if len(word) > 1}
+    reported = text.lower() in FORWARD | BACKWARD | _AXES or any(words & known for known in WORDS.values())
+    reported &= text.lower() != "raw"
+    return name.rstrip().endswith(f"[{text}]") and not reported
 
 
 def without_unit(column: Column) -> str:

@@ -50,27 +50,27 @@ def is_since_last(column: Column) -> bool:
 
 def interval_of(table: RawTable, column: Column, time_s: Float64Array | None) -> float | None:
     """How long an encoder is counted for a row, as the file says and the clock bears out; None where they do not."""
-    said = {
+    stated = {
         float(match[1].replace(",", ".")) * unit.factor
         for match in _INTERVAL.finditer(f"{column.name} {column.remark}".replace("_", " "))
         if (unit := unit_of(match[2])) is not None
     }
-    if not said and (rate := rate_in(table.preamble)) is not None:
-        said = {1.0 / rate[0]}
+    if not stated and (rate := rate_in(table.preamble)) is not None:
+        stated = {1.0 / rate[0]}
     usual = 0.0 if time_s is None else usual_step(time_s)
-    if not said and time_s is not None and is_even(time_s, _EVEN):
+    if not stated and time_s is not None and is_even(time_s, _EVEN):
         return usual
-    interval = said.pop() if len(said) == 1 else None
+    interval = stated.pop() if len(stated) == 1 else None
     return interval if interval is not None and (not usual or abs(interval - usual) < _SAME * usual) else None
 
 
 def per_turn(table: RawTable, column: Column) -> float | None:
     """How many counts a turn has, where a name or a line above the names says so."""
     texts = (column.name, column.remark, *table.preamble, *table.names)
-    told = next((found for text in texts if (found := _COUNTS.search(text))), None)
-    if told is None and any(_QUADRATURE.search(text) for text in texts):
+    reported = next((found for text in texts if (found := _COUNTS.search(text))), None)
+    if reported is None and any(_QUADRATURE.search(text) for text in texts):
         return None  # lines of a disc, or their four edges?
-    patterns = (_COUNTS,) if told is not None else _PER_TURN
+    patterns = (_COUNTS,) if reported is not None else _PER_TURN
     found_numbers = {float(found[1]) for text in texts for pattern in patterns for found in pattern.finditer(text)}
     return found_numbers.pop() if len(found_numbers) == 1 else None  # several are of several encoders
 

@@ -17,9 +17,9 @@ from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_brackets import BRACKETED, unread
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import said_by, unit_in_prose, words_unknown
+from rw_ekf.logs.column_names import stated_by, unit_in_prose, words_unknown
 from rw_ekf.logs.column_prose import hint_about
-from rw_ekf.logs.column_records import Column, Guess, Line, are_counts, said_in_columns
+from rw_ekf.logs.column_records import Column, Guess, Line, are_counts, stated_in_columns
 from rw_ekf.logs.column_units import size_of_count, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.raw_table import RawTable
@@ -82,7 +82,7 @@ class _Taken(NamedTuple):
     column: Column
 
 
-def ask_what_is_open(table: RawTable, columns: Sequence[Column], told: Answers, guess: Guess) -> None:
+def ask_what_is_open(table: RawTable, columns: Sequence[Column], reported: Answers, guess: Guess) -> None:
     """Add the questions to a guess that has none yet; what was answered with `--set` is asked no more."""
     for text in table.doubts:
         guess.ask("layout", f"{text} Mend the file, or write a map by hand.")
@@ -91,12 +91,12 @@ def ask_what_is_open(table: RawTable, columns: Sequence[Column], told: Answers, 
     lines = [(line, by_key.get(_key(line))) for line in guess.lines]
     words = table.words()
     for line, column in lines:
-        if column is None and (text := hint_about(line, None, table, words)) and not told.has(line.name):
+        if column is None and (text := hint_about(line, None, table, words)) and not reported.has(line.name):
             guess.lines.remove(line)
             guess.ask(line.name, f"no column is a drive, and {text}", line)
-    taken = [_Taken(line, column) for line, column in lines if column is not None and not told.has(line.name)]
+    taken = [_Taken(line, column) for line, column in lines if column is not None and not reported.has(line.name)]
     for one in taken:
-        doubt = next(_doubts(one, table, words, told), None)
+        doubt = next(_doubts(one, table, words, reported), None)
         if doubt is not None:
             guess.lines.remove(one.line)
             guess.ask(one.line.name, doubt[0], *doubt[1])
@@ -109,34 +109,34 @@ def _key(line: Line) -> str | int:
 
 
 def _doubts(
-    one: _Taken, table: RawTable, words: Sequence[str], told: Answers
+    one: _Taken, table: RawTable, words: Sequence[str], reported: Answers
 ) -> Iterator[tuple[str, tuple[Line, ...]]]:
     """Texts and answers of what is open of one column."""
     line, column = one
     if text := hint_about(line, column, table, words):
         yield f"{column.shown}: {text}", (line,)
-    if line.name == "time_s" and column.said.unit is None and (text := _odd_stamp(column, table)):
+    if line.name == "time_s" and column.stated.unit is None and (text := _odd_stamp(column, table)):
         yield f"{column.shown}: {text}", (line,)
     if line.name not in ("speed_rad_s", "speed_rpm", "current_A", "current_command_A"):
         return
     if (factor := _FACTOR.search(column.name) or _FACTOR.search(column.remark)) is not None:
         text = f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?"
         yield text, (line, *_scaled(line, factor[0]))
-    unit_was_set = told.unit(*(_SPEEDS if line.name in _SPEEDS else (line.name,)))
+    unit_was_set = reported.unit(*(_SPEEDS if line.name in _SPEEDS else (line.name,)))
     if not unit_was_set and (text := unread(column)):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     if (size := size_of_count(column.unit)) is not None and not are_counts(column.values, size[0]):
         yield f"{column.shown}: its numbers are no counts of {column.unit!r}: what are they in?", (line,)
     bare = column.bare_name or column.name
-    aside = sorted(said_by(bare).words & WORDS["aside"]) if unit_of(bare) is None else []  # the min of `U/min`
+    aside = sorted(stated_by(bare).words & WORDS["aside"]) if unit_of(bare) is None else []  # the min of `U/min`
     if aside and not _TAKEN_OUT.search(column.name):
         yield f"{column.shown}: '{aside[0]}' may say that it is something else: is it the reading itself?", (line,)
-    if part := said_by(bare).odd_part:
+    if part := stated_by(bare).odd_part:
         yield f"{column.shown}: '{part}' may say that it is of something else: is it the wheel's?", (line,)
     if not unit_was_set and (beside := _unknown_unit(column, table)):
         yield f"{column.shown}: what does the unit beside it, {beside!r}, mean?", (line,)
     contradicting = _contradicting_unit(column, table)
-    if contradicting and not told.unit(line.name):
+    if contradicting and not reported.unit(line.name):
         yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
     if line.entry.get("derivative_of") is not None and (
         _NOT_SUMMED.search(f"{column.name} {column.remark}") or any(map(SINCE_LAST.search, table.preamble))
@@ -145,7 +145,7 @@ def _doubts(
     if _may_be_a_heading(line, column) and {"x", "y"} <= {_TAIL.sub("", name.lower()) for name in table.names}:
         yield f"{column.shown}: x and y stand beside it: is it the wheel's, or the heading of a vehicle?", (line,)
     if line.name.startswith("speed"):
-        yield from _doubts_of_speed(one, table, bool(told.unit("speed_rad_s", "speed_rpm")))
+        yield from _doubts_of_speed(one, table, bool(reported.unit("speed_rad_s", "speed_rpm")))
     if part := _word_of_another(column, table):
         yield f"{column.shown}: '{part}' may say that it is of something else: is it the wheel's?", (line,)
 
@@ -155,7 +155,7 @@ def _word_of_another(column: Column, table: RawTable) -> str:
     others = " ".join(name.lower() for name in table.names if name != column.name)
     words = (
         []
-        if column.said.has("machine", "torque_axis", "torque") or column.by_habit
+        if column.stated.has("machine", "torque_axis", "torque") or column.by_habit
         else words_unknown(column.bare_name or column.name)
     )
     return next((word for word in words if word not in others), "")
@@ -163,7 +163,7 @@ def _word_of_another(column: Column, table: RawTable) -> str:
 
 def _may_be_a_heading(line: Line, column: Column) -> bool:
     """Whether a line is of an angle or of a speed that no word and no unit makes a machine's."""
-    bare = column.role == "speed" and not column.said.has("machine") and column.unit in ("", "rad/s", "deg/s")
+    bare = column.role == "speed" and not column.stated.has("machine") and column.unit in ("", "rad/s", "deg/s")
     return line.entry.get("derivative_of") is not None or (line.name == "speed_rad_s" and bare)
 
 
@@ -178,36 +178,38 @@ def _scaled(line: Line, factor: str) -> Iterator[Line]:
 
 def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
     line, column = one
-    said, unit = column.said, column.said.unit
+    stated, unit = column.stated, column.stated.unit
     per = unit is not None and bool(unit.per)
     letters = [
         letter
         for letter in _LETTERS
-        if letter in said.words and (said.words & _SYMBOLS or said.words == {letter}) and not (per and letter == "e")
-        if letter not in "xyz" or not (said.has("machine") or unit == unit_of("rpm"))  # no gyro counts so
+        if letter in stated.words
+        and (stated.words & _SYMBOLS or stated.words == {letter})
+        and not (per and letter == "e")
+        if letter not in "xyz" or not (stated.has("machine") or unit == unit_of("rpm"))  # no gyro counts so
     ]
-    electrical = said.any_of(*_ELECTRICAL) or any(word.startswith(_ELECTRIC) for word in said.words)
+    electrical = stated.any_of(*_ELECTRICAL) or any(word.startswith(_ELECTRIC) for word in stated.words)
     # A unit that is set where the name has one is an answer to this; where it has none it is one to what it is in.
     taken = unit_of(str(line.entry.get("unit", "")))
     is_answered = "scale" in line.entry or (taken is not None and bool(taken.per))
     if not (per or is_answered or (unit_was_set and unit is not None)) and (electrical or "e" in letters):
         divided = {"scale": 0.25} if unit_was_set else {"unit": "erpm", "pole_pairs": 7}
         text = f"{column.shown} may be electrical: has it been divided by the pole pairs, and by how many if not?"
-        told = " --set speed.scale=1, or 0.25 of four pole pairs." if unit_was_set else ""
-        yield f"{text}{told}", (line, Line("speed_rad_s", line.entry | divided, ""))
+        reported = " --set speed.scale=1, or 0.25 of four pole pairs." if unit_was_set else ""
+        yield f"{text}{reported}", (line, Line("speed_rad_s", line.entry | divided, ""))
     elif letters:
         yield (
             f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",
             (line,),
         )
-    of_another = said.has("other_machine") or said_by(column.remark).has("other_machine")
-    if of_another and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
+    of_another = stated.has("other_machine") or stated_by(column.remark).has("other_machine")
+    if of_another and not stated.any_of("wheel", "rw", "flywheel", "schwungrad"):
         yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
     over_ground = (
-        unit is not None and unit.quantity == "linear_speed" and said.has("linear") and not said.any_of("linear")
+        unit is not None and unit.quantity == "linear_speed" and stated.has("linear") and not stated.any_of("linear")
     )
-    if not unit_was_set and (over_ground or said.unit_text.lower() in _OF_A_VEHICLE):
-        yield f"{column.shown} is in {said.unit_text}, as a vehicle's is: is it what the drive moves?", (line,)
+    if not unit_was_set and (over_ground or stated.unit_text.lower() in _OF_A_VEHICLE):
+        yield f"{column.shown} is in {stated.unit_text}, as a vehicle's is: is it what the drive moves?", (line,)
     if unit is None or unit_was_set or unit.quantity != "speed":
         return
     if column.name.lower() in ("drpm", "mrpm"):
@@ -222,12 +224,12 @@ def _doubts_of_speed(one: _Taken, table: RawTable, unit_was_set: bool) -> Iterat
             yield f"{column.shown} {text}: readings, or gaps?", (line, *(gaps if len(marks) == 1 else ()))
         elif np.isfinite(column.top):  # else its reader says where
             fastest = unit.factor * column.top
-            yield f"{column.shown} would go to {fastest:.3g} rad/s in {said.unit_text}: in which unit is it?", (line,)
-    if said.unit_text.lower() == "hz" and not said.any_of(*_TURNING):
+            yield f"{column.shown} would go to {fastest:.3g} rad/s in {stated.unit_text}: in which unit is it?", (line,)
+    if stated.unit_text.lower() == "hz" and not stated.any_of(*_TURNING):
         pulses = replace(line, entry=line.entry | {"unit": "pulses/s", "counts_per_turn": 7})
         yield f"{column.shown} may count pulses or electrical periods: how many are a turn?", (line, pulses)
-    bare = said.unit_text.replace("^", "").replace(" ", "").strip("[]()").lower()
-    if bare in _PER_SECOND and not said.any_of(*_TURNS_BY_NAME):
+    bare = stated.unit_text.replace("^", "").replace(" ", "").strip("[]()").lower()
+    if bare in _PER_SECOND and not stated.any_of(*_TURNS_BY_NAME):
         answers = (replace(line, entry=line.entry | {"unit": spelt}) for spelt in ("rad/s", "rev/s"))
         yield f"{column.shown}: radians or turns a second?", tuple(answers)
 
@@ -246,20 +248,20 @@ def _unknown_unit(column: Column, table: RawTable) -> str:
 
     In brackets it stands for one where all others there are units: `t [s],n [Skt],I [mA]`.
     """
-    beside = {**said_in_columns(table)[0], **table.units}.get(column.name, "").strip(" []()")
+    beside = {**stated_in_columns(table)[0], **table.units}.get(column.name, "").strip(" []()")
     if beside.strip("-–—?") and unit_of(beside) is None:
         return beside
     last = {name: found[-1] for name in table.names if (found := BRACKETED.findall(name))}
     text = last.pop(column.name, "")
-    if column.said.unit is not None or len(last) < _LEAST_UNITS or not all(map(unit_of, last.values())):
+    if column.stated.unit is not None or len(last) < _LEAST_UNITS or not all(map(unit_of, last.values())):
         return ""
-    return text if text.isalpha() and not said_by(text).has(*WORDS) else ""
+    return text if text.isalpha() and not stated_by(text).has(*WORDS) else ""
 
 
 def _contradicting_unit(column: Column, table: RawTable) -> str:
     """A unit beside a column that is not the one in its name."""
     beside = table.units.get(column.name, "")
-    known, spelt = unit_of(beside) if beside else None, said_by(column.name)
+    known, spelt = unit_of(beside) if beside else None, stated_by(column.name)
     if known is not None and spelt.unit is not None and known != spelt.unit:
         return beside
     remarked = unit_in_prose(column.remark)
@@ -279,8 +281,8 @@ def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -
     twice = np.zeros(0, dtype=np.bool_) if clock is None else np.diff(clock.values) == 0.0
     often = twice.size > 0 and float(np.mean(twice)) >= _TWICE
     for column in columns:
-        words = {word for word in column.said.words if "_" not in word} - _BESIDE_IDS
-        if column.said.unit is not None or _INDEXED.search(column.name):
+        words = {word for word in column.stated.words if "_" not in word} - _BESIDE_IDS
+        if column.stated.unit is not None or _INDEXED.search(column.name):
             continue
         named = bool(words) and words <= _IDS
         found = table.distinct(column.number, _MOST_WHEELS) if named or often else []
@@ -312,8 +314,8 @@ def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
     speed, current = columns["speed"], columns["current"]
     first, second = map(_instances, (speed.name, current.name))
     if not any(which.isalpha() and len(which) == 1 for which in first):
-        second.discard(current.said.unit_text.lower())  # the A of current_A, beside rw2: its unit
-    sides = [{"input", "output"} & column.said.words for column in (speed, current)]
+        second.discard(current.stated.unit_text.lower())  # the A of current_A, beside rw2: its unit
+    sides = [{"input", "output"} & column.stated.words for column in (speed, current)]
     if current.role == "torque" and all(sides):  # of a gear, or of a bench
         first, second = sides
     if first and second and not first & second:

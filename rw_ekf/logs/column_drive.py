@@ -55,9 +55,9 @@ _UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
 _RAIL = re.compile(r"(?<![A-Za-z0-9])\d{1,2}v\d?(?![A-Za-z0-9])", re.IGNORECASE)  # I_3v3, current_24V
 
 
-def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess: Guess) -> None:
+def find_drive(columns: list[Column], speed: Column | None, reported: Answers, guess: Guess) -> None:
     """Choose what drives the wheel: what was answered, else currents, else what stands for one, else nothing did."""
-    given = told.of("current_A", "current_command_A")
+    given = reported.of("current_A", "current_command_A")
     if given is not None:
         name, number = given
         if number is None:
@@ -68,27 +68,27 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
                     "that is driven by nothing will not explain it"
                 )
         else:
-            _take_current(next(c for c in columns if c.number == number), name, told, guess)
+            _take_current(next(c for c in columns if c.number == number), name, reported, guess)
         return
-    asked = len(guess.questions)
+    wanted = len(guess.questions)
     spoilt = next((c for c in columns if c.role in ("current", "current_set") and c.spoilt), None)
     if spoilt is not None and not any(c.role == spoilt.role and c.moves and c.rank >= spoilt.rank for c in columns):
         guess.ask("current_A", f"{spoilt.shown} {spoilt.spoilt}; or --set current=COLUMN.")
         return
-    if _find_currents(columns, told, guess) or len(guess.questions) > asked:
+    if _find_currents(columns, reported, guess) or len(guess.questions) > wanted:
         return
     for role, note in _DRIVES:
         column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess, _in_its_unit)
         if column is not None and (text := _no_drive(column, role)):
             guess.ask("current_A", f"{column.shown} {text}", Line("current_A", column.entry(column.unit), ""), _FREE)
-        elif column is not None and role in _UNITS_OF_DRIVE and not (column.unit or told.unit("current_A")):
+        elif column is not None and role in _UNITS_OF_DRIVE and not (column.unit or reported.unit("current_A")):
             text = f"{column.shown} {without_unit(column)}: a {role}, or the current?"
             lines = (Line("current_A", column.entry(unit), "") for unit in (*_UNITS_OF_DRIVE[role], "A"))
             guess.ask("current_A", text, *lines)
         elif column is not None:
-            guess.take("current_A", told.with_more("current_A", column.entry(column.unit)), note)
+            guess.take("current_A", reported.with_more("current_A", column.entry(column.unit)), note)
             guess.notes.append(f"{column.shown}: {note}")
-        if column is not None or len(guess.questions) > asked:
+        if column is not None or len(guess.questions) > wanted:
             return
     term = next((c for c in columns if c.role == "term" and c.moves), None)
     if term is not None:
@@ -98,12 +98,12 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
         guess.ask("current_A", text, *(Line("current_A", term.entry(unit), "") for unit in ("mA", "A")), _FREE)
         return
     held = [c for c in columns if c.role in _MAY_DRIVE and np.nanmax(np.abs(c.values), initial=0.0) > 0.0]
-    if held and not held[0].said.has("supply", "bus"):
+    if held and not held[0].stated.has("supply", "bus"):
         text = f"{held[0].shown} never changes: did it drive the wheel all the time?"
         guess.ask("current_A", text, Line("current_A", held[0].entry(held[0].unit), ""), _FREE)
         return
     if speed is not None and _coasts(speed.values):
-        other = next((c for c in columns if c.moves and c.role in _UNKNOWN and c.said.any_of(*_DRIVEN)), None)
+        other = next((c for c in columns if c.moves and c.role in _UNKNOWN and c.stated.any_of(*_DRIVEN)), None)
         if other is None:
             guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
         else:
@@ -116,29 +116,29 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
 
 def _no_drive(column: Column, role: Role) -> str:
     """Why a column that could be a drive may be none, or not as it stands; empty where nothing says so."""
-    said = column.said
-    named = said.has(role) or said.any_of(*_DRIVEN) or column.name == "current_A"
-    if said.has("set") and said.has("speed"):
+    stated = column.stated
+    named = stated.has(role) or stated.any_of(*_DRIVEN) or column.name == "current_A"
+    if stated.has("set") and stated.has("speed"):
         return "seems to be the speed that was wanted: is it what drives the wheel?"
     if (
-        said.any_of(*_MEASURED_WITH)
-        or (role == "voltage" and said.has("current"))
-        or (said.unit is not None and not named)
+        stated.any_of(*_MEASURED_WITH)
+        or (role == "voltage" and stated.has("current"))
+        or (stated.unit is not None and not named)
     ):
         return f"is in {column.unit or 'what nobody says'}: is it what drives the wheel, and not another measurement?"
-    if role == "torque" and said.any_of(*_NO_TORQUE_OF_DRIVE):
+    if role == "torque" and stated.any_of(*_NO_TORQUE_OF_DRIVE):
         return "may be no torque of the motor: is it what drives the wheel?"
     low, high = float(np.nanmin(column.values)), float(np.nanmax(column.values))
     if role != "share" and high - low < _HARDLY * max(abs(low), abs(high)):
         return "hardly changes: is it what drives the wheel?"
-    if role == "share" and said.unit is None and high > _FULL_SHARE:
+    if role == "share" and stated.unit is None and high > _FULL_SHARE:
         return f"goes to {high:g}: of how much (255, 1023, 2000?), and where is zero? `scale` and `offset` in a map"
-    if role == "share" and said.unit is not None and low >= _HALF_PERCENT:
+    if role == "share" and stated.unit is not None and low >= _HALF_PERCENT:
         return f"is never below {low:g} %: is zero in the middle? `offset: -0.5` in a map"
     return ""
 
 
-def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
+def _find_currents(columns: list[Column], reported: Answers, guess: Guess) -> bool:
     """Add the measured current and the commanded one; whether there is one."""
     found = False
     for role, name, what in _CURRENTS:
@@ -147,31 +147,31 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
         )
         if column is None:
             continue
-        fed = column.said.any_of(*_FED) or not column.said.has("machine")  # "motor supply current" is the supply's
+        fed = column.stated.any_of(*_FED) or not column.stated.has("machine")  # "motor supply current" is the supply's
         if role == "current" and column.is_of_a_phase:
             text = f"{column.shown} seems to be of one phase, which goes up and down as the rotor turns"
             guess.ask(name, f"{text}: is it what makes the torque?", Line(name, column.entry(column.unit), ""))
-        elif role == "current" and column.said.any_of("limit", "peak", "max", "min"):
+        elif role == "current" and column.stated.any_of("limit", "peak", "max", "min"):
             guess.ask(name, f"{column.shown}: is it the current that flows?", Line(name, column.entry(column.unit), ""))
-        elif (column.said.has("other_load") or _RAIL.search(column.name)) and not column.said.has("machine"):
+        elif (column.stated.has("other_load") or _RAIL.search(column.name)) and not column.stated.has("machine"):
             text = f"{column.shown} may be of something else than the motor: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
         elif (
             role == "current"
-            and not column.said.has("torque_axis")
-            and ((column.said.has("supply", "bus") and fed) or _feeds(column, columns))
+            and not column.stated.has("torque_axis")
+            and ((column.stated.has("supply", "bus") and fed) or _feeds(column, columns))
         ):
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
         else:
             found = True
-            _take_current(column, name, told, guess)
+            _take_current(column, name, reported, guess)
     return found
 
 
-def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> None:
+def _take_current(column: Column, name: str, reported: Answers, guess: Guess) -> None:
     """Add a current, with its unit; a question where that is not known."""
-    unit = told.unit(name, "current_A", "current_command_A")
+    unit = reported.unit(name, "current_A", "current_command_A")
     why, assumed = "as it was set" if unit else "its name says so", False
     if not unit and column.name not in READABLE_COLUMNS:
         if column.unit:
@@ -183,12 +183,12 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
             text = f"{column.shown} {without_unit(column)}, and goes to {column.top:.4g}: mA or A?"
             guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
             return
-    if column.said.has("torque_axis"):
+    if column.stated.has("torque_axis"):
         guess.notes.append(f"{column.shown}: motor_gain is then per ampere of the q axis, in its drive's convention")
     if _KIND_OF_AMPERE.search(unit):
         guess.notes.append(f"{column.shown}: motor_gain is then per ampere of that kind ({unit})")
     unit = "" if unit_of(unit) == unit_of("A") else unit
-    guess.take(name, told.with_more(name, column.entry(unit)), why, assumed=assumed)
+    guess.take(name, reported.with_more(name, column.entry(unit)), why, assumed=assumed)
 
 
 def _feeds(column: Column, columns: list[Column]) -> bool:
@@ -197,7 +197,7 @@ def _feeds(column: Column, columns: list[Column]) -> bool:
     With one that is called as plainly as the current, or times which it is the power of another column.
     """
     controlled = any(c.role == "current_set" and c.moves for c in columns)  # which only a motor's is
-    if controlled or column.said.has("machine", "torque_axis") or column.name in READABLE_COLUMNS:
+    if controlled or column.stated.has("machine", "torque_axis") or column.name in READABLE_COLUMNS:
         return False
     volts = [c for c in columns if c.role in ("voltage", "bus_voltage") and np.isfinite(c.values).any()]
     held = [c for c in volts if np.nanstd(c.values) < _STEADY * abs(np.nanmean(c.values))]
@@ -215,7 +215,7 @@ def _feeds(column: Column, columns: list[Column]) -> bool:
 
 def _in_amperes(column: Column) -> bool:
     """Whether numbers without a unit are amperes by their size."""
-    converted = not column.said.any_of("raw", "adc")
+    converted = not column.stated.any_of("raw", "adc")
     return converted and not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]
 
 

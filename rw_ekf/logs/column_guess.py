@@ -64,57 +64,57 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None, given:
 
     answers: of `--set`: a column, or of NAME.unit a value; given: a map without columns, whose options stay.
     """
-    told = Answers(answers or {}, table)
-    if told.rate is None and given.rate_hz is not None:
-        told.rate = given.rate_hz, f"rate_hz: {given.rate_hz:g}"
+    reported = Answers(answers or {}, table)
+    if reported.rate is None and given.rate_hz is not None:
+        reported.rate = given.rate_hz, f"rate_hz: {given.rate_hz:g}"
     guess = Guess(options=given.options())
-    if told.only is not None:
-        guess.options["only"] = {"column": told.only[0], "value": told.only[1]}
-        table = table.of_only(*told.only)
+    if reported.only is not None:
+        guess.options["only"] = {"column": reported.only[0], "value": reported.only[1]}
+        table = table.of_only(*reported.only)
     columns = columns_of(table)
     if _newest_first(columns):
         guess.options["reverse"] = True
         table = table.reversed()
         columns = columns_of(table)
-    clock = _find_time(table, columns, told, guess)
+    clock = _find_time(table, columns, reported, guess)
     time_s = None if clock is None else clock.time_s
     left = [column for column in columns if clock is None or column.number != clock.number]
-    speed = find_speed(table, left, time_s, told, guess)
+    speed = find_speed(table, left, time_s, reported, guess)
     left = [column for column in left if column is not speed]
-    find_drive(left, speed, told, guess)
-    _find_further(left, speed, None if clock is None else clock.time_s, told, guess)
+    find_drive(left, speed, reported, guess)
+    _find_further(left, speed, None if clock is None else clock.time_s, reported, guess)
     taken = [line.entry.get("column") for line in guess.lines]
     for column in (each for each in columns if each.turn is not None and each.key in taken):
         guess.notes.append(f"{column.shown}: what lies just below {column.turn:g} is negative, and read as unsigned")
     if not any(table.names):
         guess.notes.append(f"its columns have no names: COLUMN is a number from 0 to {len(table.names) - 1}")
-    told.add_unasked(guess)
-    ask_what_is_open(table, columns, told, guess)
+    reported.add_certain(guess)
+    ask_what_is_open(table, columns, reported, guess)
     return guess
 
 
 def _newest_first(columns: list[Column]) -> bool:
     """Whether all times fall from row to row, as in what a web page exports; what counts down the motion tells."""
-    clocks = [c for c in columns if c.role == "time" and not c.said.has("countdown")]
+    clocks = [c for c in columns if c.role == "time" and not c.stated.has("countdown")]
     times = [c.values for c in clocks if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
     return bool(times) and all(values[-1] < values[0] and np.mean(np.diff(values) > 0.0) < _UPWARD for values in times)
 
 
 def _counts_down(column: Column) -> bool:
     """Whether a time is what is left, by its name and its numbers: `time_remaining_s`."""
-    return column.said.has("countdown") and bool(np.all(np.diff(column.values) <= 0.0))
+    return column.stated.has("countdown") and bool(np.all(np.diff(column.values) <= 0.0))
 
 
-def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Guess) -> Clock | None:
+def _find_time(table: RawTable, columns: list[Column], reported: Answers, guess: Guess) -> Clock | None:
     """Choose the time: of the clocks that fit best the first, else the rows where their rate is known."""
-    given = told.of("time_s")
-    unit, scale = told.unit("time_s"), told.more.get("time_s", {}).get("scale")
+    given = reported.of("time_s")
+    unit, scale = reported.unit("time_s"), reported.more.get("time_s", {}).get("scale")
     unit = unit or ("s" if isinstance(scale, float) else "")  # which was given with it
 
     def clocks_among(columns: list[Column]) -> list[Clock]:
         found = [
             clock_of(
-                c.number, c.name, c.said, (-1.0 if _counts_down(c) else 1.0) * c.values, unit,
+                c.number, c.name, c.stated, (-1.0 if _counts_down(c) else 1.0) * c.values, unit,
                 not table.is_plain_number(c.number), scale if isinstance(scale, float) else 1.0,
             )
             for c in columns
@@ -123,7 +123,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
 
     if given is not None and given[1] is not None:
         clocks = clocks_among([columns[given[1]]])
-    elif told.rate is not None:  # whatever a column says
+    elif reported.rate is not None:  # whatever a column says
         clocks = []
     else:
         clocks = clocks_among([c for c in columns if c.role == "time" and np.isfinite(c.values).all()])
@@ -141,7 +141,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
             guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
             return clock
         column = columns[clock.number]
-        if not clock.is_clock and not unit and (why := no_clock(column.shown, column.values, column.said)):
+        if not clock.is_clock and not unit and (why := no_clock(column.shown, column.values, column.stated)):
             guess.ask("time_s", f"{why}: in which unit is it?", Line("time_s", column.entry("s"), ""))
             return clock
         if clock.repeats and _rows_again(clock, columns):
@@ -154,14 +154,16 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
             )
             guess.options["repeats"] = clock.repeats
             return clock
-        _take_clock(clock, columns[clock.number], told, guess)
+        _take_clock(clock, columns[clock.number], reported, guess)
         return clock
-    counter = _counter(table, columns) if told.rate is None else None
+    counter = _counter(table, columns) if reported.rate is None else None
     if counter is not None:
         clock, step_s, why = counter
-        guess.take("time_s", told.with_more("time_s", columns[clock.number].entry(scale=step_s, wrap=clock.wrap)), why)
+        guess.take(
+            "time_s", reported.with_more("time_s", columns[clock.number].entry(scale=step_s, wrap=clock.wrap)), why
+        )
         return clock
-    rate = told.rate or rate_in((*table.preamble, *table.names))
+    rate = reported.rate or rate_in((*table.preamble, *table.names))
     if rate is not None and (steps := next((c for c in columns if _counts_steps(c)), None)) is not None:
         text = f"{steps.shown} rises by some {usual_step(_known(steps)):.4g} from row to row, and '{rate[1]}' is said"
         how = f"--set {shlex.quote(f'time={steps.key}')} --set time.scale=SECONDS"
@@ -174,7 +176,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     rising = [c for c in columns if not c.name and np.all(np.diff(c.values) > 0.0) and table.rows > 2]
     text = "no column is known to be the time: --set time=COLUMN, or --set rate_hz=ROWS_A_SECOND."
     times = [c for c in columns if c.role == "time"]
-    refused = [f"{c.shown} {c.spoilt}" if c.spoilt else no_clock(c.shown, c.values, c.said) for c in times]
+    refused = [f"{c.shown} {c.spoilt}" if c.spoilt else no_clock(c.shown, c.values, c.stated) for c in times]
     text = "; ".join([*filter(None, refused[:1]), text])
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
@@ -215,8 +217,8 @@ def _contradict(one: Clock, other: Clock) -> bool:
 
 def _of_two_signals(one: Clock, other: Clock, columns: list[Column]) -> bool:
     """Whether two clocks are of different signals by their names, and differ."""
-    said = [columns[clock.number].said for clock in (one, other)]
-    groups = [{name for name in ("speed", "current", "torque", "voltage") if each.has(name)} for each in said]
+    stated = [columns[clock.number].stated for clock in (one, other)]
+    groups = [{name for name in ("speed", "current", "torque", "voltage") if each.has(name)} for each in stated]
     apart = bool(groups[0] and groups[1]) and not groups[0] & groups[1]
     return apart and not np.allclose(one.time_s, other.time_s, rtol=0.0, atol=1.0e-3)
 
@@ -237,29 +239,31 @@ def _holds_dates(table: RawTable, column: Column) -> bool:
 
 def _runs(column: Column) -> bool:
     """Whether a column in a unit of time rises from row to row, whatever it is called in whatever language."""
-    in_time = column.said.unit is not None and column.said.unit.quantity == "time" and not column.said.has(*_NO_CLOCK)
+    in_time = (
+        column.stated.unit is not None and column.stated.unit.quantity == "time" and not column.stated.has(*_NO_CLOCK)
+    )
     return in_time and bool(np.all(np.diff(column.values) > 0.0))  # NaN does not
 
 
 def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str] | None:
     """The only counter that rises, where the file says how fast it runs: clock, its step [s], and what says so."""
-    counters = [c for c in columns if c.role in ("count", "angle", "time") and c.said.any_of(*_COUNTERS_CALLED)]
-    counters = [c for c in counters if not c.said.any_of(*_OF_AN_ANGLE)]
-    found = [(c, clock_of(c.number, c.name, c.said, c.values, "s", stamps=False)) for c in counters]
+    counters = [c for c in columns if c.role in ("count", "angle", "time") and c.stated.any_of(*_COUNTERS_CALLED)]
+    counters = [c for c in counters if not c.stated.any_of(*_OF_AN_ANGLE)]
+    found = [(c, clock_of(c.number, c.name, c.stated, c.values, "s", stamps=False)) for c in counters]
     rising = [
         (c, clock) for c, clock in found if clock is not None and not clock.restarts and is_even(clock.time_s, _STEADY)
     ]
     if len(rising) != 1:
         return None
     column, clock = rising[0]
-    told = ticks_a_second((column.remark, table.units.get(column.name, ""), column.name, *table.preamble))
-    if told is None:
+    reported = ticks_a_second((column.remark, table.units.get(column.name, ""), column.name, *table.preamble))
+    if reported is None:
         return None
-    clock.time_s = clock.time_s / told[0]
-    return clock, float(f"{1.0 / told[0]:.15g}"), f"a counter of {told[0]:g} a second, by '{told[1]}'"
+    clock.time_s = clock.time_s / reported[0]
+    return clock, float(f"{1.0 / reported[0]:.15g}"), f"a counter of {reported[0]:g} a second, by '{reported[1]}'"
 
 
-def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> None:
+def _take_clock(clock: Clock, column: Column, reported: Answers, guess: Guess) -> None:
     if clock.odd:
         guess.ask("time_s", f"{column.shown} {clock.odd}", Line("time_s", column.entry(clock.unit), clock.why))
     elif clock.asks:
@@ -267,7 +271,7 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
         guess.ask("time_s", text, *(Line("time_s", column.entry(unit), unit) for unit in clock.asks))
     else:
         down = {"scale": -1.0} if _counts_down(column) else {}
-        entry = told.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap, **down))
+        entry = reported.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap, **down))
         guess.take("time_s", entry, clock.why, assumed=clock.concluded)
         if (apart := usual_step(clock.time_s)) > SLOWEST_S:
             guess.warnings.append(f"{column.shown}: {clock.why}, and its rows are then {apart:.4g} s apart")
@@ -282,21 +286,21 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
 
 
 def _find_further(
-    columns: list[Column], speed: Column | None, time_s: Float64Array | None, told: Answers, guess: Guess
+    columns: list[Column], speed: Column | None, time_s: Float64Array | None, reported: Answers, guess: Guess
 ) -> None:
     """Add what a log may have beside, where one column fits and says its unit."""
     for role, name in _EXTRA.items():
         best = best_of([c for c in columns if c.role == role and np.isfinite(c.values).mean() > LEAST_SHARE])
-        if len(best) != 1 or (best[0].said.words == {"t"} and np.nanmedian(best[0].values) < _WARM_DEGC):
+        if len(best) != 1 or (best[0].stated.words == {"t"} and np.nanmedian(best[0].values) < _WARM_DEGC):
             continue
         elsewhere = _NOT_OF_THE_WHEEL + (_ELECTRONICS if role == "temperature" else ())
-        if (best[0].unit or best[0].name == name) and not best[0].said.any_of(*elsewhere):
-            entry = told.with_more(name, best[0].entry(best[0].unit))
+        if (best[0].unit or best[0].name == name) and not best[0].stated.any_of(*elsewhere):
+            entry = reported.with_more(name, best[0].entry(best[0].unit))
             guess.take(name, entry, f"its name says {best[0].unit or 'so'}")
     angles = [c for c in columns if c.role == "angle" and c.moves]
-    unit = angles[0].said.unit if len(angles) == 1 else None
-    turning = speed is not None and unit is not None and not unit.per and not angles[0].said.has("temperature")
-    if turning and not angles[0].said.any_of(*_NOT_OF_THE_WHEEL) and _turns(angles[0], unit):
+    unit = angles[0].stated.unit if len(angles) == 1 else None
+    turning = speed is not None and unit is not None and not unit.per and not angles[0].stated.has("temperature")
+    if turning and not angles[0].stated.any_of(*_NOT_OF_THE_WHEEL) and _turns(angles[0], unit):
         if (ratio := _of_another(angles[0], speed, time_s)) is not None:
             guess.notes.append(f"{angles[0].shown} turns {ratio:.3g} times as fast as the speed says: it is left out")
             return
@@ -308,11 +312,14 @@ def _of_another(angle: Column, speed: Column | None, time_s: Float64Array | None
 
     By a factor that a mistaken unit has, the motion tells what is mistaken (`rw_ekf.identify.misread`).
     """
-    unit = None if speed is None else speed.said.unit
-    if speed is None or unit is None or unit.per or angle.said.unit is None:
+    unit = None if speed is None else speed.stated.unit
+    if speed is None or unit is None or unit.per or angle.stated.unit is None:
         return None
     turned = rad_of_one(speed, angle, time_s)
-    if not turned or float(np.nanmax(angle.values) - np.nanmin(angle.values)) * angle.said.unit.factor <= 2.0 * math.pi:
+    if (
+        not turned
+        or float(np.nanmax(angle.values) - np.nanmin(angle.values)) * angle.stated.unit.factor <= 2.0 * math.pi
+    ):
         return None
     ratio = abs(turned) / unit.factor
     return None if any(abs(abs(math.log(ratio)) - math.log(slip)) < _NEAR for slip in _SLIPS) else ratio

@@ -49,11 +49,11 @@ class Source:
     def line(self, name: str, **changes: object) -> str:
         """The line of a map that says this, as `name`, with other scale, offset, wrap, sign_of, missing or column."""
         own = ("scale", "offset", "wrap", "sign_of", "missing")
-        said = {key: getattr(self, key) for key in own} | changes
-        column = said.pop("column", self.column)
+        stated = {key: getattr(self, key) for key in own} | changes
+        column = stated.pop("column", self.column)
         kind = "derivative_of" if self.kind == "derivative" else "column"
         usual = {"scale": 1.0, "offset": 0.0, "wrap": 0.0, "sign_of": None, "missing": None}
-        kept = [f"{key}: {as_written(value)}" for key, value in said.items() if value != usual[key]]
+        kept = [f"{key}: {as_written(value)}" for key, value in stated.items() if value != usual[key]]
         return f"`{name}: {{{', '.join([f'{kind}: {as_written(column)}', *kept])}}}`"
 
 
@@ -98,9 +98,9 @@ class ColumnMap:
 
     def options(self) -> dict[str, object]:
         """What it says beside the columns, as the file of a map has it; the path of a database from anywhere."""
-        said = {**vars(self), **vars(self.csv)}
+        stated = {**vars(self), **vars(self.csv)}
         usual = {**vars(ColumnMap()), **vars(CsvLayout())}
-        found = {key: said[key] for key in usual if said[key] != usual[key] and key not in _NO_OPTIONS}
+        found = {key: stated[key] for key in usual if stated[key] != usual[key] and key not in _NO_OPTIONS}
         if self.only is not None:
             found["only"] = {"column": self.only[0], "value": self.only[1]}
         return found | ({"dbc": str(Path(self.dbc).absolute())} if self.dbc is not None else {})

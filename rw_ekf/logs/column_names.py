@@ -58,7 +58,7 @@ _LONGEST_FIRST = sorted(SIGNS.items(), key=lambda pair: -len(pair[0]))
 _COMPOUND = re.compile(r"[\u3040-\u30ff\u4e00-\u9fff\uac00-\ud7af]+")  # of signs, which stand together as words do
 
 
-class Said(NamedTuple):
+class Stated(NamedTuple):
     """What a name says."""
 
     words: frozenset[str]
@@ -68,12 +68,12 @@ class Said(NamedTuple):
         ""  # what a compound begins with and no list of words has: the Heiz of Heizstrom, the 励磁 of 励磁电流
     )
 
-    def in_unit(self, text: str) -> Said:
+    def in_unit(self, text: str) -> Stated:
         """The same with the unit that a file has beside the name, where the name has none."""
         unit = unit_of(text) if text and self.unit is None else None
         return self if unit is None else self._replace(unit_text=text, unit=unit)
 
-    def with_remark(self, remark: str) -> Said:
+    def with_remark(self, remark: str) -> Stated:
         """The same with the unit that a remark ends with, where it has none, and its words, where it says no role.
 
         A remark is prose: `motor current, mA`; `wheel rate (rad/s)`; `bench clock in microseconds`.
@@ -81,13 +81,13 @@ class Said(NamedTuple):
         if not remark:
             return self
         remark = _AMOUNT.sub(" ", _EVERY.sub("", remark))
-        said = self.in_unit(unit_in_prose(remark))
-        if said.unit is None and (spoken := said_by(remark)).unit is not None:
-            said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
-        more = said_by(remark).words
+        stated = self.in_unit(unit_in_prose(remark))
+        if stated.unit is None and (spoken := stated_by(remark)).unit is not None:
+            stated = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
+        more = stated_by(remark).words
         if role_of(self._replace(unit=None)) != "other":  # then only what tells it from others of its role
             more &= (WORDS["supply"] | WORDS["machine"] | WORDS["set"] | WORDS["derived"]) - _OF_PROSE
-        return said._replace(words=said.words | more)
+        return stated._replace(words=stated.words | more)
 
     def has(self, *groups: str) -> bool:
         """Whether one of the words belongs to one of the groups."""
@@ -111,7 +111,7 @@ def spoken(name: str) -> str:
     return " ".join(filter(None, levels)) or name
 
 
-def said_by(name: str) -> Said:
+def stated_by(name: str) -> Stated:
     """Take a name apart."""
     name = spoken(name)
     name = _PRESENT.sub("", _LAST_INDEX.sub("", name))
@@ -126,7 +126,7 @@ def said_by(name: str) -> Said:
     words = _words(bare)
     if len(re.findall(r"[^\W\d_]{2,}", _CUT.sub(r"\1 \2", bare))) > _FEW:
         words = [word for word in words if len(word) > 1]  # among many words a letter is no symbol
-    return Said(frozenset(words), text, unit, _odd_part(bare) if bare != text else "")
+    return Stated(frozenset(words), text, unit, _odd_part(bare) if bare != text else "")
 
 
 _STEMS = tuple(word for words in WORDS.values() for word in words if len(word) > 4)  # which languages bend
@@ -248,37 +248,37 @@ def _is_listed(word: str) -> bool:
     return any({word, word.removesuffix("s"), word.removesuffix("en")} & words for words in WORDS.values())
 
 
-def role_of(said: Said) -> Role:
+def role_of(stated: Stated) -> Role:
     """What a column is, by its unit first and then by its words; "other" where neither says."""
-    if said.has("neither") or (said.unit is None and _is_changing(said)):
+    if stated.has("neither") or (stated.unit is None and _is_changing(stated)):
         return "other"
-    role = _by_words(said) if said.unit is None else _BY_QUANTITY.get(said.unit.quantity, "other")
-    if role == "other" and said.unit is not None and _by_words(said) == "direction":  # `Dir [-]`
+    role = _by_words(stated) if stated.unit is None else _BY_QUANTITY.get(stated.unit.quantity, "other")
+    if role == "other" and stated.unit is not None and _by_words(stated) == "direction":  # `Dir [-]`
         return "direction"
-    if said.unit is None and said.any_of("derivative"):
+    if stated.unit is None and stated.any_of("derivative"):
         role = "speed" if role == "angle" else "other"
-    if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
+    if role == "time" and stated.unit is not None:  # a slip, a delay and a time constant may be in seconds too
         axis = {"x", "data", "x_data", "xdata"}  # of a plot; dSPACE's X.Data
-        alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower(), *axis}
-        return "time" if alone or said.says_time or said.any_of("tick", "ticks", "systick") else "other"
-    if role == "current" and said.has("direct") and not said.any_of("q", "iq"):
+        alone = stated.words <= {plain_spelling(stated.unit_text), stated.unit_text.lower(), *axis}
+        return "time" if alone or stated.says_time or stated.any_of("tick", "ticks", "systick") else "other"
+    if role == "current" and stated.has("direct") and not stated.any_of("q", "iq"):
         return "other"  # it magnetises, and turns nothing
-    if role == "voltage" and said.has("bus"):
+    if role == "voltage" and stated.has("bus"):
         return "bus_voltage"
-    if role == "current" and may_be_a_term(said) and said.has("controller"):  # pid_i, vel_i, I Term
+    if role == "current" and may_be_a_term(stated) and stated.has("controller"):  # pid_i, vel_i, I Term
         return "term"
-    return _WANTED.get(role, role) if said.has("set") else role
+    return _WANTED.get(role, role) if stated.has("set") else role
 
 
-def may_be_a_term(said: Said) -> bool:
+def may_be_a_term(stated: Stated) -> bool:
     """Whether only a letter says that a column is a current: what a controller has integrated has the same one."""
-    by_letter = said.words & WORDS["current"] == {"i"} and said.unit is None
-    return by_letter and not said.has("torque_axis", "machine", "supply", "phase")
+    by_letter = stated.words & WORDS["current"] == {"i"} and stated.unit is None
+    return by_letter and not stated.has("torque_axis", "machine", "supply", "phase")
 
 
-def _is_changing(said: Said) -> bool:
+def _is_changing(stated: Stated) -> bool:
     """Whether the words are of an acceleration, or of how fast a speed or a current changes."""
-    return bool(said.words & _ACCELERATIONS) or (said.any_of("dot") and not said.words & _RATES)
+    return bool(stated.words & _ACCELERATIONS) or (stated.any_of("dot") and not stated.words & _RATES)
 
 
 _BY_QUANTITY: dict[str, Role] = {
@@ -290,20 +290,20 @@ _WANTED: dict[str, Role] = {"speed": "speed_set", "current": "current_set", "ang
 _IN_ORDER: tuple[Role, ...] = ("share", "torque", "force", "current", "speed", "voltage")
 
 
-def _by_words(said: Said) -> Role:
+def _by_words(stated: Stated) -> Role:
     """What the words say, those first that are never said of anything else."""
     for role in ("temperature", "pressure"):
-        if said.has(role):
+        if stated.has(role):
             return role
-    if said.words & _WHICH_WAY or (said.has("direction") and not said.has("speed", "current")):
+    if stated.words & _WHICH_WAY or (stated.has("direction") and not stated.has("speed", "current")):
         return "direction"
-    if said.has("direct") and not said.any_of("q"):
+    if stated.has("direct") and not stated.any_of("q"):
         return "other"
     for role in _IN_ORDER:
-        if said.has(role):
+        if stated.has(role):
             return role
-    if said.any_of("vbat", "vbus", "vin", "ubat", "vdd"):
+    if stated.any_of("vbat", "vbus", "vin", "ubat", "vdd"):
         return "bus_voltage"
-    if said.says_time:
+    if stated.says_time:
         return "time"
-    return next((role for role in ("angle", "segment", "count") if said.has(role)), "other")
+    return next((role for role in ("angle", "segment", "count") if stated.has(role)), "other")

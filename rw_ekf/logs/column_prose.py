@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_records import Column, Line
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
@@ -28,7 +28,7 @@ class _Hint(NamedTuple):
 
     of: tuple[str, ...]  # how the log calls it begins so
     words: re.Pattern[str]
-    asked: str
+    wanted: str
     is_named: bool = False  # whether the line has to speak of that column
     is_factor: bool = False  # whether the words end in a `number`, of which 1 hints at nothing
 
@@ -95,16 +95,16 @@ def hint_about(line: Line, column: Column | None, table: RawTable, words: Sequen
             else ""
         )
     if line.name == "time_s":
-        of_time = (text for text in table.preamble if said_by(text).says_time or " row" in text)
+        of_time = (text for text in table.preamble if stated_by(text).says_time or " row" in text)
         return _quoted(_TIME_UNIT, of_time, "what are the steps of the time?") if line.assumed else ""
-    counted = column.said.unit is not None and bool(column.said.unit.per)  # by what was found or asked already
+    counted = column.stated.unit is not None and bool(column.stated.unit.per)  # by what was found or asked already
     hints = [hint for hint in (_HINTS[1:] if counted else _HINTS) if line.name.startswith(hint.of)]
     lines = (*table.preamble, *words)
     naming = [text for text in lines if _names(text, column)] if hints else []
     for hint in hints:
         texts = (column.remark, *(naming if hint.is_named else lines))
         kept = (text for text in texts if not (hint.is_factor and _is_no_factor(text, hint)))
-        if found := _quoted(hint.words, kept, hint.asked):
+        if found := _quoted(hint.words, kept, hint.wanted):
             return found
     probed = table.preamble if line.assumed and line.name.startswith("current") else ()
     if found := _quoted(_SENSITIVITY, probed, "are its numbers amperes by now?"):
@@ -114,10 +114,10 @@ def hint_about(line: Line, column: Column | None, table: RawTable, words: Sequen
     return _other_unit(line, table.preamble)
 
 
-def _quoted(words: re.Pattern[str], texts: Iterable[str], asked: str) -> str:
+def _quoted(words: re.Pattern[str], texts: Iterable[str], wanted: str) -> str:
     for text in texts:
         if text and words.search(text) and not _SETTLED.search(text):
-            return f"beside it stands {' '.join(text.split())[:_LONGEST]!r}: {asked}"
+            return f"beside it stands {' '.join(text.split())[:_LONGEST]!r}: {wanted}"
     return ""
 
 
@@ -128,9 +128,9 @@ def _is_no_factor(text: str, hint: _Hint) -> bool:
 
 def _names(text: str, column: Column) -> bool:
     """Whether a line speaks of a column: by a word of its name, or of what it is."""
-    said = said_by(text)
-    words = {word for word in said_by(column.name).words if len(word) > 1}
-    return bool(words & said.words) or role_of(said._replace(unit=None)) == column.role
+    stated = stated_by(text)
+    words = {word for word in stated_by(column.name).words if len(word) > 1}
+    return bool(words & stated.words) or role_of(stated._replace(unit=None)) == column.role
 
 
 def _formula(column: Column, preamble: Iterable[str]) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.logs.column_names import Role, Said, may_be_a_term, role_of, said_by, spoken
+from rw_ekf.logs.column_names import Role, Stated, may_be_a_term, role_of, spoken, stated_by
 from rw_ekf.logs.column_units import Unit, habitual_unit, unit_among, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.labels import owner_of
@@ -94,7 +94,7 @@ class Column:
 
     number: int
     name: str
-    said: Said
+    stated: Stated
     role: Role
     values: Float64Array  # (n,) NaN where there is no number
     key: str | int = ""  # how a map names it
@@ -115,7 +115,7 @@ class Column:
     @property
     def unit(self) -> str:
         """The unit that its name says, as a map has it; empty where it says none."""
-        return self.said.unit_text
+        return self.stated.unit_text
 
     @property
     def moves(self) -> bool:
@@ -126,30 +126,30 @@ class Column:
     @property
     def rank(self) -> tuple[int, ...]:
         """How well it fits what its role is, beside others of that role."""
-        said = self.said
-        electrical = said.any_of("electrical", "elec", "erpm")
-        linear = said.unit is not None and said.unit.quantity == "linear_speed"
+        stated = self.stated
+        electrical = stated.any_of("electrical", "elec", "erpm")
+        linear = stated.unit is not None and stated.unit.quantity == "linear_speed"
         second = (
             linear
-            or said.unit_text.lower() == "hz"
-            or said.has("derived", "linear")
-            or said.any_of("load", "output", "gear", "left", "right")
+            or stated.unit_text.lower() == "hz"
+            or stated.has("derived", "linear")
+            or stated.any_of("load", "output", "gear", "left", "right")
         )
-        whole = said.unit is not None and not said.unit.per
-        elsewhere = said.has("other_machine" if self.role == "speed" else "other_load")
+        whole = stated.unit is not None and not stated.unit.per
+        elsewhere = stated.has("other_machine" if self.role == "speed" else "other_load")
         return (
-            int(self.name in READABLE_COLUMNS), int(not second), int(not said.has("aside")),
-            int(not elsewhere or said.has("machine")), int(not electrical),
-            int(said.has("torque_axis")), int(not said.has("supply")), int(not self.is_of_a_phase),
-            int(said.has("machine")), int(said.has("raw")), int(whole),
+            int(self.name in READABLE_COLUMNS), int(not second), int(not stated.has("aside")),
+            int(not elsewhere or stated.has("machine")), int(not electrical),
+            int(stated.has("torque_axis")), int(not stated.has("supply")), int(not self.is_of_a_phase),
+            int(stated.has("machine")), int(stated.has("raw")), int(whole),
         )  # fmt: skip
 
     @property
     def is_of_a_phase(self) -> bool:
         """Whether its name says that it is of one phase of a motor: `phase_current`, `Strangstrom U`, `Ia`."""
         bare = re.sub(r"[\W_]", "", _TAIL.sub("", self.name).lower())  # in `I [A] mA` no letter says which phase
-        named = any(len(word) > _SYMBOL or word in bare for word in self.said.words & WORDS["phase"])
-        return named and not self.said.has("torque_axis", "armature")
+        named = any(len(word) > _SYMBOL or word in bare for word in self.stated.words & WORDS["phase"])
+        return named and not self.stated.has("torque_axis", "armature")
 
     @property
     def says_backward(self) -> bool:
@@ -198,22 +198,22 @@ def columns_of(table: RawTable) -> list[Column]:
     """The columns that hold numbers, each with its role; a stamp's numbers are seconds."""
     found = []
     remarks = {**_dictionary(table), **table.remarks}
-    units, factors = said_in_columns(table)
+    units, factors = stated_in_columns(table)
     units, factors = {**units, **table.units}, {**factors, **table.factors}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        habit, own = habitual_unit(name, table.names), said_by(name)
+        habit, own = habitual_unit(name, table.names), stated_by(name)
         own = own._replace(unit_text="", unit=None) if unit_among(name, table.names) else own
-        said = own.in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
-        if said.unit_text == "c" and {f"{name[:-1]}{other}" for other in "abd"} & {*table.names}:
-            said = said._replace(unit_text="", unit=None)  # the third of several sensors
+        stated = own.in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
+        if stated.unit_text == "c" and {f"{name[:-1]}{other}" for other in "abd"} & {*table.names}:
+            stated = stated._replace(unit_text="", unit=None)  # the third of several sensors
         values = table.numbers(number, stamps=True)
         if habit[:1].isdigit() and np.any(values % 1.0 > 0.0):  # hundredths, say, that somebody has converted
-            habit, said = "", said._replace(unit_text="", unit=None) if said.unit_text == habit else said
+            habit, stated = "", stated._replace(unit_text="", unit=None) if stated.unit_text == habit else stated
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
-        role = role_of(said) if name else "other"
-        if role == "speed" and said.unit is None and _counts_rows(values):
+        role = role_of(stated) if name else "other"
+        if role == "speed" and stated.unit is None and _counts_rows(values):
             role = "count"
         by_habit = own.unit is None and not units.get(name) and bool(habit)
         mark = mark_of_missing(values) if role not in _COUNTING else None
@@ -225,7 +225,9 @@ def columns_of(table: RawTable) -> list[Column]:
         remark = "; ".join(filter(None, (remark, more)))
         bare = spoken(name) if spoken(name) != name else ""
         values = values if (factor, offset) == (1.0, 0.0) else factor * values + offset
-        found.append(Column(number, name, said, role, values, key, remark, by_habit, mark, turn, factor, offset, bare))
+        found.append(
+            Column(number, name, stated, role, values, key, remark, by_habit, mark, turn, factor, offset, bare)
+        )
     for column in found:
         if column.role in _READ and table.is_text(column.number) and not np.isfinite(column.values).any():
             column.spoilt = _spoilt(table, column.number)
@@ -239,20 +241,20 @@ def _spoilt(table: RawTable, number: int) -> str:
     if odd and len(odd) < LEAST_SHARE * len(cells):
         return f"has {cells[odd[0]]!r} in {table.place(odd[0])}, which is no number: leave the cell empty for a gap"
     lists = [cell for cell in cells if cell.strip().startswith("[")]
-    said = f"holds lists, such as {lists[0]!r}: a column for each value is needed" if lists else ""
-    return said if len(lists) > LEAST_SHARE * len(cells) else ""
+    stated = f"holds lists, such as {lists[0]!r}: a column for each value is needed" if lists else ""
+    return stated if len(lists) > LEAST_SHARE * len(cells) else ""
 
 
-def _factor_of(said: Factor, values: Float64Array, role: Role) -> tuple[float, float, str]:
+def _factor_of(stated: Factor, values: Float64Array, role: Role) -> tuple[float, float, str]:
     """By what a file says that numbers (n,) are multiplied and what is added, where they are counts as yet.
 
     Else 1 and 0, and what it says.
     """
-    factor, offset = (number_or_none(text or usual) for text, usual in ((said.factor, "1"), (said.offset, "0")))
+    factor, offset = (number_or_none(text or usual) for text, usual in ((stated.factor, "1"), (stated.offset, "0")))
     if (factor, offset) == (1.0, 0.0):
         return 1.0, 0.0, ""
-    unsure = (1.0, 0.0, f"factor {said.factor or 1}, offset {said.offset or 0}")
-    if not factor or offset is None or not np.isfinite([factor, offset]).all() or (offset and not said.is_added):
+    unsure = (1.0, 0.0, f"factor {stated.factor or 1}, offset {stated.offset or 0}")
+    if not factor or offset is None or not np.isfinite([factor, offset]).all() or (offset and not stated.is_added):
         return unsure
     usual = role not in ("angle", "count", "other") and are_counts(values, factor)
     return (factor, offset, "") if usual else unsure
@@ -266,9 +268,9 @@ def are_counts(values: Float64Array, factor: float) -> bool:
 
 def _without_raw(columns: list[Column]) -> list[Column]:
     """The columns, with no role for counts beside what they were converted to: `RW_SPEED(RAW)`, `RW_SPEED(U) [RPM]`."""
-    raw = {match["of"]: c for c in columns if c.said.unit is None and (match := _RAW.fullmatch(c.name)) is not None}
+    raw = {match["of"]: c for c in columns if c.stated.unit is None and (match := _RAW.fullmatch(c.name)) is not None}
     for column in columns:
-        counts = raw.get(_TAIL.sub("", column.name)) if column.said.unit is not None else None
+        counts = raw.get(_TAIL.sub("", column.name)) if column.stated.unit is not None else None
         if counts is not None:
             counts.role, column.bare_name = "other", _CONVERTED.sub("", column.name)
     return columns
@@ -279,10 +281,10 @@ def _without_terms(columns: list[Column]) -> list[Column]:
 
     Beside a voltage, `P` alone is a power.
     """
-    bare = {c.name for c in columns if c.said.unit is None}
+    bare = {c.name for c in columns if c.stated.unit is None}
     volts = any(c.role in ("voltage", "bus_voltage") and c.name != "u" for c in columns)
     for column in columns:
-        if column.role != "current" or not may_be_a_term(column.said):
+        if column.role != "current" or not may_be_a_term(column.stated):
             continue
         terms = [_LETTER_I.sub(letter, column.name) for letter in ("PD" if "I" in column.name else "pd")]
         beside = [term for term in terms if term != column.name and term in bare]
@@ -291,7 +293,7 @@ def _without_terms(columns: list[Column]) -> list[Column]:
     return columns
 
 
-def said_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]:
+def stated_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]:
     """Units and factors that a column beside another has: `speed_unit`, `speed_scale`.
 
     A factor is no number where it changes, or where the other's name has a unit too (`speed_rpm`): it is asked about.
@@ -300,9 +302,9 @@ def said_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]
     factors: dict[str, Factor] = {}
     for index, name in enumerate(table.names):
         owner = re.sub(r"[ _]units?$", "", name, flags=re.IGNORECASE)
-        said = table.distinct(index, 1) if owner != name and table.is_text(index) else []
-        if said:
-            units |= {other: said[0] for other in table.names if other in (owner, f"{owner}_value")}
+        stated = table.distinct(index, 1) if owner != name and table.is_text(index) else []
+        if stated:
+            units |= {other: stated[0] for other in table.names if other in (owner, f"{owner}_value")}
         owner, kind = owner_of(name)
         owned = [other for other in table.names if _is_of(owner, other)] if kind == "factor" and owner else []
         text = "/".join(table.distinct(index, 2)) if owned else ""

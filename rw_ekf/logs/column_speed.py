@@ -26,28 +26,28 @@ _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
 
 def find_speed(
-    table: RawTable, columns: list[Column], time_s: Float64Array | None, told: Answers, guess: Guess
+    table: RawTable, columns: list[Column], time_s: Float64Array | None, reported: Answers, guess: Guess
 ) -> Column | None:
     """Choose the speed, or the angle of which it is the rate."""
-    given = told.of("speed_rad_s", "speed_rpm")
+    given = reported.of("speed_rad_s", "speed_rpm")
     speeds = [c for c in columns if c.role == "speed" and c.moves]
     angles = [c for c in columns if c.role == "angle" and c.moves]
     if given is not None and given[1] is not None:
         speeds = [c for c in columns if c.number == given[1]]
-        known = unit_of(told.unit("speed_rad_s", "speed_rpm"))
+        known = unit_of(reported.unit("speed_rad_s", "speed_rpm"))
         if speeds[0].role == "angle" and (known is None or known.quantity in ("angle", "length")):
             angles, speeds = speeds, []
     else:
-        speeds = [c for c in speeds if c.said.has("machine") or not c.said.any_of(*_INERTIAL)]
+        speeds = [c for c in speeds if c.stated.has("machine") or not c.stated.any_of(*_INERTIAL)]
     candidates, what = (angles, "angle") if angles and not speeds else (speeds, "speed")
-    asked = len(guess.questions)
+    wanted = len(guess.questions)
     if what == "angle" and given is None and (spoilt := next((c for c in columns if _is_spoilt(c, table)), None)):
         gaps = table.rows - int(np.isfinite(spoilt.values).sum())
         text = f"{spoilt.shown} is no number in {gaps} of {table.rows} rows: is the speed another's rate?"
         guess.ask("speed_rad_s", f"{text} --set speed=COLUMN.", *filter(None, map(_known_line, angles)))
         return None
-    still = next((c for c in columns if c.role == "speed" and not c.moves and not c.said.has("linear")), None)
-    if still is not None and all(c.said.has("linear") for c in speeds):  # gyros, or the vehicle's speed over ground
+    still = next((c for c in columns if c.role == "speed" and not c.moves and not c.stated.has("linear")), None)
+    if still is not None and all(c.stated.has("linear") for c in speeds):  # gyros, or the vehicle's speed over ground
         candidates = [] if what == "speed" else candidates
     column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess, _known_line)
     other = next((c for c in speeds if _is_electrical(c)), None) if given is None and what == "speed" else None
@@ -60,30 +60,32 @@ def find_speed(
         guess.ask("speed_rad_s", f"{spoilt.shown} {spoilt.spoilt}; or --set speed=COLUMN.")
         return None
     if column is None:
-        if len(guess.questions) == asked:
+        if len(guess.questions) == wanted:
             why = "" if still is None else f"{still.shown} never changes, and "
             if not any(c.moves for c in columns):
                 why = "no column beside the time has numbers that change, as messages and events have none; "
             guess.ask("speed_rad_s", f"{why}no column is known to be the speed: --set speed=COLUMN.")
         return None
-    told_unit, sign = told.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
-    if not told_unit and (column.unit == "" or what == "angle") and is_since_last(column):
-        per = per_turn(table, column) or told.more.get("speed_rad_s", {}).get("counts_per_turn")
-        line, text = _counts_line(column, per, interval_of(table, column, time_s), sign, told)
+    reported_unit, sign = reported.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
+    if not reported_unit and (column.unit == "" or what == "angle") and is_since_last(column):
+        per = per_turn(table, column) or reported.more.get("speed_rad_s", {}).get("counts_per_turn")
+        line, text = _counts_line(column, per, interval_of(table, column, time_s), sign, reported)
         if text:
             guess.ask("speed_rad_s", f"{column.shown} counts from row to row: {text}", line)
         else:
             guess.lines.append(line)
         return column
     if what == "angle":
-        return _rate_of_angle(table, column, told, guess)
-    told_unit = told_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
-    unit, why = _speed_unit(column, angles, time_s, told_unit)
-    assumed = unit is not None and not (told_unit or (column.unit and not column.by_habit) or _unit_in_words(column))
+        return _rate_of_angle(table, column, reported, guess)
+    reported_unit = reported_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
+    unit, why = _speed_unit(column, angles, time_s, reported_unit)
+    assumed = unit is not None and not (
+        reported_unit or (column.unit and not column.by_habit) or _unit_in_words(column)
+    )
     if unit is None:
         text = f"{column.shown} {without_unit(column)}, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
         guess.ask(
-            "speed_rad_s", text, *(_speed_line(column, unit, "", sign, told) for unit in ("rpm", "rad/s", "deg/s"))
+            "speed_rad_s", text, *(_speed_line(column, unit, "", sign, reported) for unit in ("rpm", "rad/s", "deg/s"))
         )
         return column
     known, more = unit_of(unit), {}
@@ -91,22 +93,22 @@ def find_speed(
         text = f"{column.shown} is in {unit}: how fast is one? --set speed.unit=rpm --set speed.scale=RPM_OF_ONE."
         guess.ask("speed_rad_s", text)
         return column
-    if known is not None and known.per and known.per not in told.more.get("speed_rad_s", {}):
+    if known is not None and known.per and known.per not in reported.more.get("speed_rad_s", {}):
         per = (per_turn if known.per == "counts_per_turn" else pole_pairs)(table, column)
         if per is None:
             text = f"{column.shown} is in {unit}: how many {known.per.replace('_', ' ')}? --set speed.{known.per}=N."
-            guess.ask("speed_rad_s", text, _speed_line(column, unit, "", sign, told))
+            guess.ask("speed_rad_s", text, _speed_line(column, unit, "", sign, reported))
             return column
         more = {known.per: per}
     if known is not None and known.quantity == "linear_speed":
         guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
-    guess.lines.append(replace(_speed_line(column, unit, why, sign, told, **more), assumed=assumed))
+    guess.lines.append(replace(_speed_line(column, unit, why, sign, reported, **more), assumed=assumed))
     return column
 
 
 def _is_electrical(column: Column) -> bool:
     """Whether a speed is a motor's by its unit: nothing else has pole pairs."""
-    return column.said.unit is not None and column.said.unit.per == "pole_pairs"
+    return column.stated.unit is not None and column.stated.unit.per == "pole_pairs"
 
 
 def _go_together(one: Column, other: Column) -> bool:
@@ -125,15 +127,15 @@ def _is_spoilt(column: Column, table: RawTable) -> bool:
     return bool(known.any()) or (table.is_text(column.number) and any(filter(None, table.cells(column.number))))
 
 
-def _speed_line(column: Column, unit: str, why: str, sign: Column | None, told: Answers, **more: object) -> Line:
+def _speed_line(column: Column, unit: str, why: str, sign: Column | None, reported: Answers, **more: object) -> Line:
     """The line of a speed: under the name that says rpm where that is its unit, unless the unit was answered."""
     if sign is not None:
         more |= {"sign_of": sign.key, "backward": sign.says_backward}
         why = f"{why}; without a sign, which {sign.shown} has"
-    if unit_of(unit) == unit_of("rpm") and "unit" not in told.more.get("speed_rad_s", {}):
-        entry = told.with_more("speed_rad_s", told.with_more("speed_rpm", column.entry("", **more)))
+    if unit_of(unit) == unit_of("rpm") and "unit" not in reported.more.get("speed_rad_s", {}):
+        entry = reported.with_more("speed_rad_s", reported.with_more("speed_rpm", column.entry("", **more)))
         return Line("speed_rpm", entry, why)
-    return Line("speed_rad_s", told.with_more("speed_rad_s", column.entry(unit, **more)), why)
+    return Line("speed_rad_s", reported.with_more("speed_rad_s", column.entry(unit, **more)), why)
 
 
 def _known_line(column: Column) -> Line | None:
@@ -157,11 +159,13 @@ def _known_line(column: Column) -> Line | None:
     )
 
 
-def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | None, told: str) -> tuple[str | None, str]:
+def _speed_unit(
+    column: Column, angles: list[Column], time_s: Float64Array | None, reported: str
+) -> tuple[str | None, str]:
     """The speed's unit, and what says so; None where nothing does."""
-    said = column.said
-    if told:
-        return told, "as it was set"
+    stated = column.stated
+    if reported:
+        return reported, "as it was set"
     if column.name in {"speed_rad_s", "speed_rpm"}:
         return ("rpm" if column.name == "speed_rpm" else "rad/s"), "its name is the log's own"
     if column.unit:
@@ -173,11 +177,11 @@ def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | Non
         if found is not None:
             return found, f"{angle.shown} turns as fast as that"
     if (
-        said.any_of("n", "nm", "drehzahl", "motordrehzahl", "istdrehzahl", "raddrehzahl", "giri", "tours", "regime")
+        stated.any_of("n", "nm", "drehzahl", "motordrehzahl", "istdrehzahl", "raddrehzahl", "giri", "tours", "regime")
         and column.top > _TURNING
     ):
         return "1/min", "what is called so is counted per minute"
-    if said.any_of(
+    if stated.any_of(
         "omega", "w", "thetadot", "dtheta", "qdot", "qd", "dq", "phidot", "omg", "winkelgeschwindigkeit"
     ) and (not column.is_whole and column.top < 300.0):
         return "rad/s", "what is called so is in rad/s"
@@ -186,7 +190,7 @@ def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | Non
 
 def _unit_in_words(column: Column) -> str:
     """A unit that is one of the words of a name; empty for none."""
-    return next((word for word in ("erpm", "krpm", "rpm", "dps") if column.said.any_of(word, f"rpm{word}")), "")
+    return next((word for word in ("erpm", "krpm", "rpm", "dps") if column.stated.any_of(word, f"rpm{word}")), "")
 
 
 def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str | None:
@@ -201,7 +205,7 @@ def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str
 
 def rad_of_one(column: Column, angle: Column, time_s: Float64Array | None) -> float | None:
     """How many rad/s an angle of a known unit turns where a speed is one; None where that cannot be told."""
-    of_angle = angle.said.unit
+    of_angle = angle.stated.unit
     if of_angle is None and (turn := _turn_of(angle)) in _TURN_UNITS:
         of_angle = unit_of(_TURN_UNITS[turn])
     if time_s is None or of_angle is None or of_angle.per:
@@ -218,12 +222,12 @@ def rad_of_one(column: Column, angle: Column, time_s: Float64Array | None) -> fl
 
 
 def _counts_line(
-    column: Column, per: object, interval_s: float | None, sign: Column | None, told: Answers
+    column: Column, per: object, interval_s: float | None, sign: Column | None, reported: Answers
 ) -> tuple[Line, str]:
     """The line of a column that has, in each row, an encoder's counts since the row before; and what is open of it."""
     scale = None if interval_s is None else float(f"{1.0 / interval_s:.9g}")
     why = "counts from row to row"
-    line = _speed_line(column, "counts/s", why, sign, told, counts_per_turn=per or 4096, scale=scale)
+    line = _speed_line(column, "counts/s", why, sign, reported, counts_per_turn=per or 4096, scale=scale)
     if not per:
         return line, "how many to a turn? --set speed.counts_per_turn=N."
     if "scale" not in line.entry:
@@ -231,19 +235,19 @@ def _counts_line(
     return line, "" if column.is_whole else "its numbers are not whole: what are they?"
 
 
-def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess) -> Column:
+def _rate_of_angle(table: RawTable, column: Column, reported: Answers, guess: Guess) -> Column:
     """The speed as the rate of an angle."""
-    unit = column.unit or told.unit("angle_rad", "speed_rad_s")
-    more = told.more.get("speed_rad_s", {})
-    said = more.get("counts_per_turn") or per_turn(table, column)
-    turn = _turn_of(column, said)
-    unit = unit or ("counts" if turn is not None and (said or turn in COUNTERS) else "")
+    unit = column.unit or reported.unit("angle_rad", "speed_rad_s")
+    more = reported.more.get("speed_rad_s", {})
+    stated = more.get("counts_per_turn") or per_turn(table, column)
+    turn = _turn_of(column, stated)
+    unit = unit or ("counts" if turn is not None and (stated or turn in COUNTERS) else "")
     known = unit_of(unit)
     entry: dict[str, object] = {"derivative_of": column.key}
     entry |= {} if column.missing is None else {"missing": column.missing}
     entry |= {} if turn is None else {"wrap": turn}
     if known is not None and known.per:
-        per = said or (None if turn in COUNTERS else turn)
+        per = stated or (None if turn in COUNTERS else turn)
         entry |= {"unit": unit, known.per: per or 4096}
         if per is None:
             text = f"{column.shown} is in {unit}: how many to a turn? --set speed.counts_per_turn=N."
@@ -253,7 +257,7 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
         entry["unit"] = unit
     elif turn is not None:
         entry["scale"] = 1.0 if abs(turn - 2.0 * math.pi) < 1e-6 else float(f"{2.0 * math.pi / turn:.12g}")
-        if turn not in _TURN_UNITS and not column.said.any_of(*_ANGLES):
+        if turn not in _TURN_UNITS and not column.stated.any_of(*_ANGLES):
             # No motion tells it: a wheel of another size moves as this one does.
             guess.warnings.append(
                 f"{column.shown} begins anew after {turn:.6g}, and that was taken for a turn, which no word "
@@ -264,7 +268,7 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
         answers = (Line("speed_rad_s", entry | {"unit": unit}, "") for unit in ("rad", "deg", "turns"))
         guess.ask("speed_rad_s", text, *answers)
         return column
-    if turn is not None and not told.has("speed_rad_s") and _goes_too_far(column.values, turn):
+    if turn is not None and not reported.has("speed_rad_s") and _goes_too_far(column.values, turn):
         text = f"{column.shown} goes nearly half a turn and more from row to row: which way, and how often around?"
         guess.ask("speed_rad_s", text, Line("speed_rad_s", entry, ""))
         return column
@@ -276,7 +280,7 @@ def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess)
 
 def _turn_of(column: Column, counts: object = None) -> float | None:
     """After how much an angle begins anew; None where it does not. counts: of a turn, where somebody says so."""
-    unit = column.said.unit
+    unit = column.stated.unit
     if unit is not None and not unit.per:
         return turn_of(column.values, (2.0 * math.pi / unit.factor,), only=True)
     return turn_of(column.values, (counts,) if isinstance(counts, float) else ())

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.logs.column_names import Said
+from rw_ekf.logs.column_names import Stated
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.row_rules import restarted, unwrapped, usual_step
 
@@ -88,7 +88,7 @@ class Clock:
 
 
 def clock_of(
-    number: int, name: str, said: Said, values: Float64Array, told: str, stamps: bool, scale: float = 1.0
+    number: int, name: str, stated: Stated, values: Float64Array, reported: str, stamps: bool, scale: float = 1.0
 ) -> Clock | None:
     """A column (n,) as a clock; told: the unit that was given, `scale` of it each. None where no numbers rise."""
     if len(values) < 3 or not np.isfinite(values).all() or float(np.ptp(values)) == 0.0:
@@ -96,11 +96,11 @@ def clock_of(
     wrap = _wrap(values)
     raw = unwrapped(values, wrap or 0.0)
     usual = usual_step(raw)
-    said_unit = _unit(name, said, raw, told, stamps, usual)
-    unit, asks, why = _by_steps(raw, usual) if said_unit is None else said_unit
+    stated_unit = _unit(name, stated, raw, reported, stamps, usual)
+    unit, asks, why = _by_steps(raw, usual) if stated_unit is None else stated_unit
     known = unit_of(unit) if unit else None
     time_s = raw * (scale * (known.factor if known is not None else 1.0))
-    clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap, concluded=said_unit is None)
+    clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap, concluded=stated_unit is None)
     if clock.concluded and _is_packed(raw):
         clock.odd = "jumps where 60 would be full: is it a time of day, or minutes and seconds, without colons?"
     step = np.diff(time_s)
@@ -118,14 +118,14 @@ def clock_of(
     if clock.restarts:
         clock.notes.append(f"column '{name}' begins anew {int(run[-1])} times: each run is a segment")
     # A clock of the log's own name, then one that counts from the run's begin with a unit, then stamps, then others.
-    known_unit = said.unit is not None and not stamps
+    known_unit = stated.unit is not None and not stamps
     clock.rank = (
         4 if name == "time_s" else 3 if known_unit and not clock.repeats else 2 if stamps and not clock.repeats else 1
     )
     return clock
 
 
-def no_clock(shown: str, values: Float64Array, said: Said) -> str:
+def no_clock(shown: str, values: Float64Array, stated: Stated) -> str:
     """Why a column (n,) that is called a time is none, with its numbers; empty where it cannot be said."""
     known = values[np.isfinite(values)]
     if known.size < 3 or float(np.ptp(known)) == 0.0:
@@ -134,7 +134,7 @@ def no_clock(shown: str, values: Float64Array, said: Said) -> str:
     back = int(np.argmax(step < 0.0))
     if step[back] < 0.0:
         return f"{shown} falls from {known[back]:.6g} to {known[back + 1]:.6g} after {back + 1} rows"
-    factor = 1.0 if said.unit is None else said.unit.factor
+    factor = 1.0 if stated.unit is None else stated.unit.factor
     usual = float(np.median(step)) * factor
     return "" if _usual(step * factor) else f"{shown} would make rows {usual:.3g} s apart, by the unit of its name"
 
@@ -160,15 +160,15 @@ def _wrap(values: Float64Array) -> float | None:
 
 
 def _unit(
-    name: str, said: Said, values: Float64Array, told: str, stamps: bool, usual: float
+    name: str, stated: Stated, values: Float64Array, reported: str, stamps: bool, usual: float
 ) -> tuple[str, tuple[str, ...], str] | None:
     """Unit, what it may be where that is open, and what says so; None where nothing does."""
-    if told:
-        return told, (), "as it was set"
+    if reported:
+        return reported, (), "as it was set"
     if stamps:
         return "", (), "its cells are dates or times of day"
-    if said.unit is not None and said.unit.quantity == "time":
-        return said.unit_text, (), f"its name says {said.unit_text}"
+    if stated.unit is not None and stated.unit.quantity == "time":
+        return stated.unit_text, (), f"its name says {stated.unit_text}"
     if name == "time_s":
         return "", (), "its name is the log's own"
     middle = float(np.median(values))
@@ -186,19 +186,19 @@ def _unit(
 def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...], str]:
     """The unit that the steps between rows leave: logs have 0.2 to 5,000 rows a second, and last some seconds."""
     whole = bool(np.all(values == np.round(values)))
-    told = f"its rows are {usual:.4g} apart"
+    reported = f"its rows are {usual:.4g} apart"
     span = float(np.ptp(values))
     if not whole:
         if usual < _A_SECOND:
             units = (("min", 60.0), ("h", 3600.0), ("days", 86400.0))
             longer = next((unit for unit, size in units if _is_round(usual * size)), "")
-            return ("", ("s", longer), told) if longer and not _is_round(usual) else ("s", (), told)
-        return ("ms", (), told) if usual > SLOWEST_S else ("", ("s", "ms"), told)
+            return ("", ("s", longer), reported) if longer and not _is_round(usual) else ("s", (), reported)
+        return ("ms", (), reported) if usual > SLOWEST_S else ("", ("s", "ms"), reported)
     if usual < SLOWEST_S or (usual < _THOUSAND[0] and 1e-3 * span < _SHORTEST_S):
-        return "", ("s", "ms"), told
+        return "", ("s", "ms"), reported
     if usual < _THOUSAND[0]:
-        return "ms", (), told
-    return ("", ("ms", "us"), told) if usual < _THOUSAND[1] or usual > _SLOW_US else ("us", (), told)
+        return "ms", (), reported
+    return ("", ("ms", "us"), reported) if usual < _THOUSAND[1] or usual > _SLOW_US else ("us", (), reported)
 
 
 def _is_packed(values: Float64Array) -> bool:

@@ -25,14 +25,14 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     packing = _packing_of(path)
     text = LogText(path) if packing is None else LogText.unpack(path, packing, name)
     sums = sums_of(path)
-    text, said = _checked(text, sums, name)
+    text, stated = _checked(text, sums, name)
     table = read_csv_table(
         text, columns.csv, lambda number, column: column in _NUMBERS or columns.uses(number, column), name
     )
-    table.torn = text.torn is not None or (sums.rows > 0 and said is not None and table.rows < sums.rows)
+    table.torn = text.torn is not None or (sums.rows > 0 and stated is not None and table.rows < sums.rows)
     if table.torn and table.rows < sums.rows:
-        said = f"{said or f'{name}: is torn'}; {sums.rows - table.rows} rows that were written are missing"
-    table.warnings += [*([] if said is None else [said]), *([] if sums.damaged is None else [sums.damaged])]
+        stated = f"{stated or f'{name}: is torn'}; {sums.rows - table.rows} rows that were written are missing"
+    table.warnings += [*([] if stated is None else [stated]), *([] if sums.damaged is None else [sums.damaged])]
     return table
 
 
@@ -56,11 +56,11 @@ def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str
     parts = csv_in_parts(text, columns.csv, numeric, name, with_others=carried is None)
     if parts is None:
         return None
-    said = cache(lambda: _checked(text, sums, name)[1])  # reads all of it: not of a text that turns out to be short
+    stated = cache(lambda: _checked(text, sums, name)[1])  # reads all of it: not of a text that turns out to be short
 
     def tables() -> Iterator[RawTable]:
-        if said() is not None:
-            raise UnsoundError(said())
+        if stated() is not None:
+            raise UnsoundError(stated())
         yield from parts.tables()
 
     return InParts(parts.rows, tables)

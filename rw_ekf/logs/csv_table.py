@@ -78,7 +78,9 @@ def read_csv_table(
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
-    read.factors = {name: said for name, said in zip(found.names, found.factors, strict=False) if name and any(said)}
+    read.factors = {
+        name: stated for name, stated in zip(found.names, found.factors, strict=False) if name and any(stated)
+    }
     read.preamble = (*read.preamble, *written.words)
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]
@@ -118,8 +120,8 @@ def _no_table(head: bytes, name_shown: str) -> str:
 
 def _layout_of(text: LogText, layout: CsvLayout) -> TextLayout | None:
     """How a text is laid out as its head shows; None where it is no table."""
-    told = {"delimiter": layout.delimiter, "decimal": layout.decimal, "encoding": layout.encoding}
-    found = layout_of(_head_of(text), skip_rows=layout.skip_rows, **told)
+    reported = {"delimiter": layout.delimiter, "decimal": layout.decimal, "encoding": layout.encoding}
+    found = layout_of(_head_of(text), skip_rows=layout.skip_rows, **reported)
     return replace(found, names=()) if found is not None and layout.header is False else found
 
 

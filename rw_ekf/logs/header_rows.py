@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import replace
 
 from rw_ekf.logs.channel_blocks import called_by_number, channels_above
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
 from rw_ekf.logs.raw_table import Factor
@@ -135,11 +135,11 @@ def _comments_first(before: list[str], layout: TextLayout) -> list[str]:
 
     A comment that has units, or says of more columns what they are than a line without its mark, stays where it is.
     """
-    said = [line for line in before if line.strip()]
-    behind = list(itertools.takewhile(lambda line: is_comment(line, layout), reversed(said)))[::-1]
-    if not behind or len(behind) == len(said):
+    stated = [line for line in before if line.strip()]
+    behind = list(itertools.takewhile(lambda line: is_comment(line, layout), reversed(stated)))[::-1]
+    if not behind or len(behind) == len(stated):
         return before
-    header = said[-len(behind) - 1]
+    header = stated[-len(behind) - 1]
     names = layout.filled(header)
     if len(names) != layout.width or not all(names) or not _are_names(names, layout):
         return before
@@ -148,7 +148,7 @@ def _comments_first(before: list[str], layout: TextLayout) -> list[str]:
     if any(len(bare[line]) == len(names) and not are_units(bare[line]) for line in stay):
         return before
     moved = [line for line in behind if line not in stay]
-    return [*said[: -len(behind) - 1], *moved, header, *stay]
+    return [*stated[: -len(behind) - 1], *moved, header, *stay]
 
 
 def is_comment(line: str, layout: TextLayout) -> bool:
@@ -228,7 +228,7 @@ def _is_mark(line: str, layout: TextLayout) -> bool:
 
 def _roles(cells: list[str]) -> int:
     """How many cells say what a column is."""
-    return sum(role_of(said_by(cell)) != "other" for cell in cells)
+    return sum(role_of(stated_by(cell)) != "other" for cell in cells)
 
 
 def _by_level(above: list[str], layout: TextLayout) -> tuple[tuple[str, ...], tuple[str, ...], int] | None:
@@ -248,7 +248,7 @@ def _by_level(above: list[str], layout: TextLayout) -> tuple[tuple[str, ...], tu
     )
     if not 0 < first < layout.width or not all(index) or len(levels) < 2:
         return None
-    if any(role_of(said_by(row[0])) == "time" for row in levels):  # a header as usual, above a mere heading
+    if any(role_of(stated_by(row[0])) == "time" for row in levels):  # a header as usual, above a mere heading
         return None
     units = next((row for row in levels if are_units(row[first:])), None)
     parts = [row[first:] for row in reversed(levels) if row is not units]
@@ -271,8 +271,8 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
     """Rows above the data that begin with what they have of each column: its unit, its name, a remark."""
     found: dict[str, tuple[str, ...]] = {}
     for line in before:
-        told = _UNITS.match(line)
-        if told is not None and len(cells := _header_cells(line[told.end() :], layout)) == layout.width:
+        reported = _UNITS.match(line)
+        if reported is not None and len(cells := _header_cells(line[reported.end() :], layout)) == layout.width:
             found |= {"units": tuple(cells)} if are_units(cells) else {}
         cells = layout.filled(line)
         cells = list(_keyed(cells)) or cells

@@ -14,7 +14,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.channel_blocks import kind_of
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none, taken
 
@@ -28,7 +28,7 @@ _VALUE = frozenset(
 
 def has_speed(names: Iterable[str]) -> bool:
     """Whether one of these is a speed's name."""
-    return any(role_of(said_by(name)) == "speed" for name in names)
+    return any(role_of(stated_by(name)) == "speed" for name in names)
 
 
 def base_kind(names: Mapping[str, Sequence[str]], rows: Mapping[str, int]) -> str:
@@ -66,7 +66,7 @@ def widened(table: RawTable) -> RawTable | None:
     A column that has one unit for each signal says what it is in. Signals of words alone are left out.
     """
     texts = [number for number in range(len(table.names)) if table.is_text(number)]
-    values = [number for number, name in enumerate(table.names) if said_by(name).words & _VALUE]
+    values = [number for number, name in enumerate(table.names) if stated_by(name).words & _VALUE]
     if not any(table.names):
         values = [number for number in range(len(table.names)) if table.is_plain_number(number)]
     values = [number for number in values if number not in texts] or values
@@ -74,11 +74,11 @@ def widened(table: RawTable) -> RawTable | None:
         return None
     value = _numbers(table, values[0])
     signals = {number: list(map(_filled, table.cells(number))) for number in texts if number != values[0]}
-    said = {number: set(cells) for number, cells in signals.items() if _are_signals(cells)}
-    of_units = {number for number, cells in said.items() if all(not cell or unit_of(cell) for cell in cells)}
-    if len(said.keys() - of_units) != 1 or np.isnan(value).all():
+    stated = {number: set(cells) for number, cells in signals.items() if _are_signals(cells)}
+    of_units = {number for number, cells in stated.items() if all(not cell or unit_of(cell) for cell in cells)}
+    if len(stated.keys() - of_units) != 1 or np.isnan(value).all():
         return None
-    number = next(iter(said.keys() - of_units))
+    number = next(iter(stated.keys() - of_units))
     cells = signals[number]
     numeric = {cell for cell, known in zip(cells, np.isfinite(value), strict=True) if known}
     rows = np.flatnonzero([cell in numeric for cell in cells]).astype(np.int64)
@@ -103,11 +103,11 @@ def named_between(table: RawTable) -> RawTable | None:
     count = len(table.names)
     words = [number for number in range(count) if not any(table.names) and table.is_text(number)]
     held = {number: found[0] for number in words if (found := table.distinct(number, 1))}
-    said = {number + 1: word.strip(" :=") for number, word in held.items()}
-    if len(said) < _LEAST_NAMES or held.keys() & said.keys() or count in said:
+    stated = {number + 1: word.strip(" :=") for number, word in held.items()}
+    if len(stated) < _LEAST_NAMES or held.keys() & stated.keys() or count in stated:
         return None
     kept = [number for number in range(count) if number not in held]
-    names = tuple(said.get(number, "") for number in kept)
+    names = tuple(stated.get(number, "") for number in kept)
     return table.at_rows(np.arange(table.rows), names, [table.columns[number] for number in kept])
 
 
@@ -160,7 +160,7 @@ def _unit_of_each(cells: list[str], others: list[list[str]]) -> dict[str, str] |
 
 def _are_signals(cells: list[str]) -> bool:
     counts = Counter(cells)
-    speeds = any(role_of(said_by(cell)) in ("speed", "angle") for cell in counts)
+    speeds = any(role_of(stated_by(cell)) in ("speed", "angle") for cell in counts)
     return "" not in counts and 1 < len(counts) <= _MOST_KINDS and len(cells) >= _LEAST_ROWS * len(counts) and speeds
 
 

@@ -28,10 +28,10 @@ _ADDED = re.compile(r"add_?offset$", re.IGNORECASE)  # cfconventions.org, packed
 _VALUE = frozenset(["value", "values", "val", "v", "data", "wert"])  # what one of several beside a unit is called
 
 
-def unit_and_remark(said: Mapping[str, object]) -> tuple[str, str]:
+def unit_and_remark(stated: Mapping[str, object]) -> tuple[str, str]:
     """The unit that a file says of a column among whatever else it says, by key; and that, as one remark."""
-    unit = next((str(text) for key, text in said.items() if key.lower() in ("unit", "units", "unit_string")), "")
-    rest = (f"{key}: {text}" for key, text in said.items() if text and str(text) != unit)
+    unit = next((str(text) for key, text in stated.items() if key.lower() in ("unit", "units", "unit_string")), "")
+    rest = (f"{key}: {text}" for key, text in stated.items() if text and str(text) != unit)
     return unit, "; ".join(rest)
 
 
@@ -112,7 +112,7 @@ def with_labels(table: RawTable, content: Mapping[str, Any]) -> RawTable:
         alone = sum(other.startswith(f"{owner}.") for other in table.names) == 1
         if owner in table.units and (alone or last.lower() in _VALUE):
             table.units.setdefault(name, table.units[owner])
-    return replace(table, preamble=said_beside({key: value for key, value in content.items() if key not in heard}))
+    return replace(table, preamble=stated_beside({key: value for key, value in content.items() if key not in heard}))
 
 
 def _scales(table: RawTable, key: str, value: Any, content: Mapping[str, Any]) -> bool:
@@ -178,7 +178,7 @@ def _remarks(content: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def said_beside(content: Mapping[str, Any]) -> tuple[str, ...]:
+def stated_beside(content: Mapping[str, Any]) -> tuple[str, ...]:
     """What single texts and numbers say, as the lines `key: value` that might stand above a table of text."""
     lines = []
     for key, value in content.items():
@@ -188,10 +188,10 @@ def said_beside(content: Mapping[str, Any]) -> tuple[str, ...]:
         elif array.dtype.kind in "fiu" and array.size == 1:
             last, number = key.rpartition(".")[2], float(array.reshape(-1)[0])
             hertz = re.search(r"k?hz$", last, re.IGNORECASE)
-            said = f"{number:.12g} {hertz[0] if hertz else 'Hz' if _RATE.fullmatch(last) else ''}".strip()
+            stated = f"{number:.12g} {hertz[0] if hertz else 'Hz' if _RATE.fullmatch(last) else ''}".strip()
             if _RATE.fullmatch(last[: hertz.start()].rstrip("_") if hertz else last):
-                said = f"sample rate {said}"
+                stated = f"sample rate {stated}"
             elif _STEP.fullmatch(last) and not number.is_integer():  # 10 may be ms, as in a column of times
-                said = f"sample time {said} s"
-            lines.append(f"{key}: {said}")
+                stated = f"sample time {stated} s"
+            lines.append(f"{key}: {stated}")
     return tuple(lines)

@@ -31,7 +31,7 @@ def comment(text: str) -> str:
     return f"# {' '.join(text.split())}"
 
 
-def said_in_a_line(guess: Guess) -> str:
+def in_one_line(guess: Guess) -> str:
     """What was taken for what, for one line of output."""
     taken = ", ".join(f"{line.name} = {_short(line)}" for line in guess.lines)
     rest = "".join(f", {key} {value}" for key, value in guess.options.items())
@@ -77,10 +77,10 @@ def guessed_map(table: RawTable, given: ColumnMap) -> ColumnMap:
     guess = guess_columns(table, None, given)
     if not guess.is_certain:
         error = UncertainColumnsError("; ".join(question.text for question in guess.questions))
-        error.known = said_in_a_line(guess) if {line.name for line in guess.lines} - {*table.names} else ""
+        error.known = in_one_line(guess) if {line.name for line in guess.lines} - {*table.names} else ""
         raise error
     table.warnings.append(
-        f"{table.path}: read as {said_in_a_line(guess)}; `rw-ekf columns` writes that down, with reasons"
+        f"{table.path}: read as {in_one_line(guess)}; `rw-ekf columns` writes that down, with reasons"
     )
     table.warnings += [f"{table.path}: {text}" for text in guess.warnings]
     return replace(map_of_guess(guess, table.path), guessed=True)

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
-from rw_ekf.logs.column_records import said_in_columns
+from rw_ekf.logs.column_records import stated_in_columns
 from rw_ekf.logs.column_words import BACKWARD, FORWARD
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.odd_columns import faults_of_column
@@ -145,7 +145,7 @@ def _signs_of(table: RawTable, index: int) -> Float64Array:
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:
     """Columns that bear the log's own names need no mapping."""
-    factors = {**said_in_columns(table)[1], **table.factors}
+    factors = {**stated_in_columns(table)[1], **table.factors}
     speed_is_mapped = any(name.startswith("speed_") for name in columns.sources)
     for name in READABLE_COLUMNS:
         if name in columns.sources or (speed_is_mapped and name.startswith("speed_")):

@@ -11,7 +11,7 @@ import numpy as np
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.labels import labelled_matrix, says_how_large, with_labels
 from rw_ekf.logs.log_format import LogFormat, noting_suffix
 from rw_ekf.logs.matlab_check import check_skeleton
@@ -71,11 +71,11 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
     table = RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
     if runs:
         table.warnings.append(f"{name}: holds several runs of the same columns: each is a segment")
-        told: dict[str, set[str]] = {}
+        reported: dict[str, set[str]] = {}
         for key, value in content.items():
             if says_how_large(last := _in_its_run(key)) and last != key:
-                told.setdefault(last, set()).add(str(np.asarray(value).tolist()))
-        if changing := [key for key, values in told.items() if len(values) > 1]:
+                reported.setdefault(last, set()).add(str(np.asarray(value).tolist()))
+        if changing := [key for key, values in reported.items() if len(values) > 1]:
             table.doubts = (f"{', '.join(changing)}: not the same in all runs, and the map has one for all.",)
         content = {_in_its_run(key): value for key, value in content.items()}
     elif variable is None and (left := [key for key in _speeds(content) if key not in names]):
@@ -103,7 +103,7 @@ def _in_its_run(key: str) -> str:
 def _speeds(content: dict[str, Any]) -> list[str]:
     """The vectors that are speeds by their names."""
     found = (key for key, value in content.items() if (vector := vector_of(value)) is not None and len(vector) > 1)
-    return [key for key in found if role_of(said_by(key)) == "speed"]
+    return [key for key in found if role_of(stated_by(key)) == "speed"]
 
 
 def _runs(content: dict[str, Any]) -> list[tuple[str, Any]]:
@@ -119,7 +119,7 @@ def _runs(content: dict[str, Any]) -> list[tuple[str, Any]]:
     names = [list(run) for run in runs.values()]
     alike = len(runs) > 1 and all(each == names[0] for each in names)
     whole = all(len({len(vector) for vector in run.values()}) == 1 for run in runs.values())
-    roles = {role_of(said_by(each)) for each in names[0]} if alike and whole else set()
+    roles = {role_of(stated_by(each)) for each in names[0]} if alike and whole else set()
     if not roles >= {"time", "speed"}:
         return []
     rows = [len(next(iter(run.values()))) for run in runs.values()]

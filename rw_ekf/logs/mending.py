@@ -105,16 +105,16 @@ def _usual(change: Float64Array, regular: BoolArray) -> Float64Array:
 def _rough(log: WheelLog, regular: BoolArray) -> tuple[float, float]:
     """Acceleration per unit of current, and noise of a reading [rad/s], roughly: from steps without a gap."""
     speed, step = log.speed_rad_s, np.diff(log.time_s)
-    asked = np.diff(speed)[regular] / step[regular]
+    wanted = np.diff(speed)[regular] / step[regular]
     middle = 0.5 * (speed[1:] + speed[:-1])[regular]
     A = np.column_stack((log.current_A[:-1][regular], np.sign(middle), middle))
-    kept = np.isfinite(asked) & np.isfinite(middle)
+    kept = np.isfinite(wanted) & np.isfinite(middle)
     third = np.diff(speed, 3)
     third = third[np.isfinite(third)]
     noise = float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0) if third.size else 0.0
     if kept.sum() < 10:
         return 0.0, noise
-    return abs(float(np.linalg.lstsq(A[kept], asked[kept], rcond=None)[0][0])), noise
+    return abs(float(np.linalg.lstsq(A[kept], wanted[kept], rcond=None)[0][0])), noise
 
 
 def _with_rows(log: WheelLog, filled: NDArray[np.int_], cut: BoolArray) -> WheelLog:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.column_map import Source
-from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_names import stated_by
 from rw_ekf.logs.column_units import OF_COLUMN, unit_of
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -68,8 +68,8 @@ def _unit_in_name(header: str, name: str, source: Source) -> str | None:
     if source.says_scale or source.scale != 1.0 or not header:
         return None
     of_angle = source.kind == "derivative"
-    said = said_by(header)
-    known = said.unit
+    stated = stated_by(header)
+    known = stated.unit
     column = "angle_rad" if of_angle else "speed_rad_s" if name.startswith("speed") else name
     if known is None or known.per or known.offset or known.quantity != OF_COLUMN[column][0]:
         return None
@@ -80,7 +80,7 @@ def _unit_in_name(header: str, name: str, source: Source) -> str | None:
     other = next((other for other, unit in _SPEEDS.items() if known == unit), None)
     if other is not None:
         line = source.line(other)
-    return f"column '{header}' is taken for {name} as it stands, and its name says {said.unit_text}: {line}"
+    return f"column '{header}' is taken for {name} as it stands, and its name says {stated.unit_text}: {line}"
 
 
 def mark_of_missing(values: Float64Array) -> float | None:

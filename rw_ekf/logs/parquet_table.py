@@ -44,9 +44,9 @@ def of_arrow(table: Any, name: str) -> RawTable:
     names = tuple(str(column).strip() for column in table.column_names)
     read = RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
     for column, field in zip(names, table.schema, strict=True):
-        said = {key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
+        stated = {key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
                 for key, value in (field.metadata or {}).items() if key.lower() != b"parquet:field_id"}  # fmt: skip
-        read.units[column], read.remarks[column] = unit_and_remark(said)
+        read.units[column], read.remarks[column] = unit_and_remark(stated)
     return read
 
 

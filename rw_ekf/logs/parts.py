@@ -72,14 +72,16 @@ def parts_of(path: Path) -> Parts:
         return Parts(bag)
     if path in (bag := files_of_bag(path.parent)) and len(bag) > 1:
         return Parts((path,), (f"{path}: is one of {len(bag)} files of a bag: {path.parent} stands for them all",))
-    asked = PartName.of(path.name)
-    if asked is None or not path.name:
+    wanted = PartName.of(path.name)
+    if wanted is None or not path.name:
         return Parts((path,))
-    found = _beside(path, asked)
-    if asked.form != FORMS[0] or asked.number > 1:
-        others = len(found) - (asked.number in found)
-        said = f"{path}: is part {asked.number} of {others + 1} of a run: its first part named .csv stands for them all"
-        return Parts((path,), (said,) if others and path.exists() else ())
+    found = _beside(path, wanted)
+    if wanted.form != FORMS[0] or wanted.number > 1:
+        others = len(found) - (wanted.number in found)
+        stated = (
+            f"{path}: is part {wanted.number} of {others + 1} of a run: its first part named .csv stands for them all"
+        )
+        return Parts((path,), (stated,) if others and path.exists() else ())
     if not found:
         return Parts((path,))
     return Parts(tuple(found[number] for number in sorted(found)))
@@ -93,17 +95,17 @@ def files_of_bag(directory: Path) -> tuple[Path, ...]:
     return tuple(sorted(found, key=lambda path: (len(path.name), path.name)))  # bag_9 before bag_10
 
 
-def _beside(path: Path, asked: PartName) -> dict[int, Path]:
+def _beside(path: Path, wanted: PartName) -> dict[int, Path]:
     """Each part of the same run and kind in that directory, by number."""
     found: dict[int, Path] = {}
     try:
         with os.scandir(path.parent) as entries:
-            names = [entry.name for entry in entries if entry.name.startswith(asked.stem)]
+            names = [entry.name for entry in entries if entry.name.startswith(wanted.stem)]
     except OSError:
         return found
     for name in names:
         part = PartName.of(name)
-        if part is None or (part.stem, part.estimates) != (asked.stem, asked.estimates):
+        if part is None or (part.stem, part.estimates) != (wanted.stem, wanted.estimates):
             continue
         here = found.get(part.number)
         if here is None or FORMS.index(part.form) < FORMS.index(_form(here)):

@@ -6,7 +6,7 @@ import itertools
 import re
 from typing import NamedTuple
 
-from rw_ekf.logs.text_cells import TextLayout, is_told_gap
+from rw_ekf.logs.text_cells import TextLayout, is_stated_gap
 from rw_ekf.logs.text_forms import who_says
 from rw_ekf.logs.text_layout import lines_of
 
@@ -16,7 +16,7 @@ _COUNTED = re.compile(r"(?<![\w.])\d[\d.]*(?![\w.])")
 _CHANGED = re.compile(
     r"\b(second|another|other|new|changed?|from here|swapped|exchanged|put on|removed)\b", re.IGNORECASE
 )
-_SAID = 40  # lines
+_STATED = 40  # lines
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"
 
 
@@ -62,19 +62,21 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
         numbers = layout.numbers(["" if _UNREADABLE in cell else cell for cell in filled])
         if "nan" in numbers:
             found = zip(filled, numbers, strict=True)
-            gaps += [Gap(at, cell, number) for at, (cell, it) in enumerate(found) if it == "nan" and is_told_gap(cell)]
+            gaps += [
+                Gap(at, cell, number) for at, (cell, it) in enumerate(found) if it == "nan" and is_stated_gap(cell)
+            ]
         out.append(_row(numbers))
     ended = "\n" if text[-4:].translate(None, b"\0").endswith((b"\n", b"\r")) else ""
     before = {match[0] for line in layout.preamble for match in _WHEEL.finditer(line)}
     named = ((lines[number - 1], match[0]) for number in left_out for match in _WHEEL.finditer(lines[number - 1]))
     seen = {line.strip() for line in lines[: layout.first_line - 1]}  # heads of pages
     new = (line for number in left_out if (line := lines[number - 1]).strip() not in seen)
-    said = [line for line in new if re.search(r"[^\W\d]{3}", line)]
-    other = (line for line in said if _CHANGED.search(line) or _other_names(layout.filled(line), layout))
+    stated = [line for line in new if re.search(r"[^\W\d]{3}", line)]
+    other = (line for line in stated if _CHANGED.search(line) or _other_names(layout.filled(line), layout))
     another = next((line for line, wheel in named if wheel not in before), next(other, None))
     if another is None and layout.form.labels:
         another = _of_another([line for line, cells in zip(lines[layout.first_line - 1 :], rows, strict=True) if cells])
-    words = tuple(dict.fromkeys(said))[:_SAID]
+    words = tuple(dict.fromkeys(stated))[:_STATED]
     return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another, words, tuple(gaps))
 
 

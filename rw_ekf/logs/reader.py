@@ -56,13 +56,13 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
 def read_columns(source: Any, columns: ColumnMap | str | Path | None = None) -> WheelLog:
     """A log of a table in memory: pandas, polars, arrow, or a mapping of names to arrays. Raises LogError."""
     table, column_map = table_in_memory(source), map_of(columns)
-    with _told_in_python():
+    with _worded_for_python():
         log = _log_of_any(table, column_map)
     return replace(log, warnings=tuple(map(_in_python, log.warnings)))
 
 
 @contextmanager
-def _told_in_python() -> Iterator[None]:
+def _worded_for_python() -> Iterator[None]:
     try:
         yield
     except LogError as error:
@@ -117,17 +117,17 @@ def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
     if not column_map.sources and column_map.rate_hz is None and needs_guess(table):
         try:
             column_map = guessed_map(table, column_map)
-        except UncertainColumnsError as asked:
+        except UncertainColumnsError as requested:
             map_of_it = f"`rw-ekf columns {table.path} --out map.yaml` writes"
-            if asked.known:
-                text = f"{table.path}: {asked} Known is {asked.known}; columns: {table.described_columns()}"
+            if requested.known:
+                text = f"{table.path}: {requested} Known is {requested.known}; columns: {table.described_columns()}"
                 raise LogError(
                     f"{text}. {map_of_it} the map that asks this, for --columns map.yaml; its --set answers"
                 ) from None
             try:
                 return log_of_table(table, column_map)
             except LogError as error:
-                raise LogError(f"{error}; {map_of_it} one and asks: {asked}") from None
+                raise LogError(f"{error}; {map_of_it} one and asks: {requested}") from None
     return log_of_table(table, column_map)
 
 
@@ -143,7 +143,7 @@ def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
 def log_of_arrays(columns: Mapping[str, Any], name: str) -> WheelLog:
     """A log of columns in memory (name -> n values) of a log's own names. Raises LogError as `read_log`."""
     table = _table_of(columns, str(name))
-    with _told_in_python():
+    with _worded_for_python():
         return log_of_table(table, ColumnMap())
 
 
@@ -246,14 +246,14 @@ def read_table(path: Path, columns: ColumnMap) -> RawTable:
 
 def missing_parts(path: Path, files: tuple[Path, ...]) -> dict[int, str]:
     """Say which parts of the run are not there, by their number: gaps in the numbers, and those known by checksums."""
-    asked = PartName.of(path.name)
-    if asked is None or asked.form != FORMS[0] or asked.number > 1 or not files[0].exists():
+    requested = PartName.of(path.name)
+    if requested is None or requested.form != FORMS[0] or requested.number > 1 or not files[0].exists():
         return {}
     found = {_number_of(file) for file in files}
     known = all_sums(path)
-    rows = {number: known.get(part_key(number, estimates=asked.estimates)) for number in range(1, max(found) + 1)}
+    rows = {number: known.get(part_key(number, estimates=requested.estimates)) for number in range(1, max(found) + 1)}
     number = max(found) + 1
-    while (later := known.get(part_key(number, estimates=asked.estimates))) is not None:
+    while (later := known.get(part_key(number, estimates=requested.estimates))) is not None:
         rows[number] = later
         number += 1
     return {

@@ -21,8 +21,8 @@ _ON_GRID = 0.95  # of the gaps must be a whole number of periods; of gaps of any
 _TURNS, _LONG = 4, 4.0  # rounds in which the period is refined, over steps shorter than so many of it
 _SPARSE = 5.0  # periods a row: where more are lost it is no grid, but rows that come in batches
 _LEAST_STEPS = 20
-_TOLD = 0.005  # share of rows lost that is worth a word
-_SAID_FIRST = 0.05  # share lost or held that belongs in front of any verdict
+_REPORTED = 0.005  # share of rows lost that is worth a word
+_STATED_FIRST = 0.05  # share lost or held that belongs in front of any verdict
 _HELD_SHARE = 0.2  # of the rows of a wheel that turns must repeat
 _LATTICE = 1.5  # steps of the lattice: rounding alone changes a reading by one at a time
 _FAR = 0.5  # share of the changes that must be further than that
@@ -60,24 +60,24 @@ class Sampling:
 
     def remarks(self) -> tuple[str, ...]:
         """Sentences without the final stop: what a reader of the log must know first."""
-        said = []
-        if self.lost_share >= _TOLD:
+        stated = []
+        if self.lost_share >= _REPORTED:
             rate = 1.0 / self.period_s
-            said.append(
+            stated.append(
                 f"rows are lost: {rate * (1.0 - self.lost_share):.3g} samples a second on a {rate:.3g} Hz grid, "
                 f"{number_text(100.0 * self.lost_share, 2)} % of the rows and their commands are missing"
             )
         if self.refresh_s is not None:
-            said.append(
+            stated.append(
                 f"readings are held: {100.0 * self.held_share:.0f} % of the rows repeat the reading before, which is "
                 f"refreshed at {1.0 / self.refresh_s:.2g} Hz in rows at {1.0 / self.period_s:.3g} Hz"
             )
-        return tuple(said)
+        return tuple(stated)
 
     @property
-    def said_first(self) -> str:
+    def first_remark(self) -> str:
         """The remarks as a sentence in front of a verdict; empty where little is lost."""
-        if self.lost_share < _SAID_FIRST and self.held_share < _SAID_FIRST:
+        if self.lost_share < _STATED_FIRST and self.held_share < _STATED_FIRST:
             return ""
         text = "; ".join(self.remarks())
         return f"{text[:1].upper()}{text[1:]}. " if text else ""
@@ -110,11 +110,11 @@ def evenly_stamped(log: WheelLog) -> WheelLog:
             return log
         time[rows] = even
     late_s = float(np.ptp(time - log.time_s)) if time.size else 0.0
-    said = (
+    stated = (
         f"the rows come in batches and are stamped as these arrive, up to {late_s:.2g} s late; their count keeps step "
         "with the clock, so they are taken to be evenly in time"
     )
-    return replace(log, time_s=time, warnings=(*log.warnings, said))
+    return replace(log, time_s=time, warnings=(*log.warnings, stated))
 
 
 def _even_clock(time_s: Float64Array) -> Float64Array | None:

@@ -63,7 +63,7 @@ def _has_all(row: Sequence[Any], core: Sequence[int], is_value: Callable[[Any], 
     return all(_is_filled(row, c) and is_value(row[c]) for c in core)
 
 
-def told(row: Sequence[Any], found: Beside) -> str:
+def reported(row: Sequence[Any], found: Beside) -> str:
     """What a row has beside its numbers, as a line of text; empty for nothing."""
     cells = [str(row[c]) for c in sorted(found.columns) if _is_filled(row, c)]
     return ": ".join(cells)
@@ -96,6 +96,6 @@ def parted(text: LogText, head: bytes, delimiter: str | None) -> tuple[bytes, tu
         csv.writer(out, delimiter=mark, lineterminator="\n").writerows(
             without(row, found) if any(row) else [] for row in rows
         )
-        said = tuple(filter(None, (told(row, found) for row in rows[: found.last + 1])))
-        return out.getvalue().encode(), said
+        stated = tuple(filter(None, (reported(row, found) for row in rows[: found.last + 1])))
+        return out.getvalue().encode(), stated
     return None

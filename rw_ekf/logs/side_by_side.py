@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.foreign.groups import held_at
 from rw_ekf.logs.interleaved import has_speed
 from rw_ekf.logs.raw_table import RawTable, taken
@@ -40,7 +40,7 @@ _PARTS = {
 
 def without_empty_rows(table: RawTable) -> RawTable:
     """The table without rows that hold nothing at all, where a column tells the time of the others or counts them."""
-    clocks = [number for number, name in enumerate(table.names) if role_of(said_by(name)) in ("time", "count")]
+    clocks = [number for number, name in enumerate(table.names) if role_of(stated_by(name)) in ("time", "count")]
     empty = _is_empty(table, clocks[0]) if clocks else np.zeros(0, dtype=np.bool_)
     if not empty.any():
         return table
@@ -71,7 +71,7 @@ def with_whole_time(table: RawTable) -> RawTable:
     table = _with_days(table)
     for first, name in enumerate(table.names):
         whole = _SECONDS.fullmatch(name)
-        stamped = not table.is_plain_number(first) and role_of(said_by(name)) == "time"
+        stamped = not table.is_plain_number(first) and role_of(stated_by(name)) == "time"
         if whole is None and not stamped:
             continue
         for factor, pattern in _PARTS.items():
@@ -94,18 +94,18 @@ def _joined(table: RawTable, first: int, second: int, time_s: Float64Array) -> R
 
 def _with_what_begins_anew(table: RawTable) -> RawTable:
     """The same where no name says it: a column that begins anew with each second of another is what it lacks."""
-    said = [said_by(name) for name in table.names]
+    stated = [stated_by(name) for name in table.names]
     parts = {
         second: values
-        for second, each in enumerate(said)
+        for second, each in enumerate(stated)
         if role_of(each) in MAY_BE_A_PART and table.is_plain_number(second)
         and (values := table.numbers(second)).size and values.min() >= 0.0 and np.any(np.diff(values) < 0.0)
     }  # fmt: skip
-    clocks = [number for number, each in enumerate(said) if parts and role_of(each) == "time" and number not in parts]
+    clocks = [number for number, each in enumerate(stated) if parts and role_of(each) == "time" and number not in parts]
     for first in clocks:
         seconds = table.numbers(first, stamps=True)
         for second, values in parts.items():
-            unit = said[second].unit
+            unit = stated[second].unit
             for factor in _PARTS_OF_A_SECOND if unit is None else (unit.factor,):
                 if goes_with_seconds(seconds, values) and _is_part(seconds, part_s := factor * values):
                     step, anew = np.diff(seconds + part_s), np.diff(seconds) > 0.0
@@ -148,7 +148,7 @@ def _is_part(seconds: Float64Array, part_s: Float64Array) -> bool:
 
 def beside_each_other(table: RawTable) -> RawTable | None:
     """Several tables beside each other as one; None for any other table."""
-    clocks = [number for number, name in enumerate(table.names) if name and role_of(said_by(name)) == "time"]
+    clocks = [number for number, name in enumerate(table.names) if name and role_of(stated_by(name)) == "time"]
     bare = {_unnumbered(table.names[number]) for number in clocks}
     if len(clocks) < 2 or len(bare) > 1 or any(table.names[: clocks[0]]):
         return None
@@ -176,7 +176,7 @@ def in_turn(table: RawTable) -> RawTable | None:
     Rows have now the speed and now what drives where topics of different times stand in one table (PlotJuggler, an
     outer join): those of the speed are taken. A slow channel, as a temperature, may have a value in a row of many.
     """
-    role = {number: role_of(said_by(name)) for number, name in enumerate(table.names) if name}
+    role = {number: role_of(stated_by(name)) for number, name in enumerate(table.names) if name}
     clocks = [table.numbers(number, stamps=True) for number in role if role[number] == "time"]
     time = next((time for time in clocks if np.isfinite(time).all() and _rises(time)), None)
     values = {number: table.numbers(number) for number in role if role[number] != "time"}

@@ -152,7 +152,7 @@ class TextLayout:
         return cell
 
 
-def is_told_gap(cell: str) -> bool:
+def is_stated_gap(cell: str) -> bool:
     """Whether a cell that is taken for a gap says that there was something: `OVR`, `Inf`, `#DIV/0!`."""
     return cell.lower() not in _QUIET and _NO_VALUE.fullmatch(cell) is None
 

@@ -94,8 +94,8 @@ def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
     rows = [(index, parts) for index, parts in found if sum(label in labels for label, _, _ in parts) > 1]
     if len(labels) < 2 or len(rows) < _LEAST:
         return LineForm(), 0, 0
-    said = Counter((label, unit) for _, parts in rows for label, _, unit in parts)
-    units = {label: unit for (label, unit), _ in reversed(said.most_common())}
+    stated = Counter((label, unit) for _, parts in rows for label, _, unit in parts)
+    units = {label: unit for (label, unit), _ in reversed(stated.most_common())}
     names = tuple(with_unit(label, units[label] if unit_of(units[label]) else "") for label in labels)
     return LineForm(labels=labels, names=names), len(rows), rows[0][0]
 

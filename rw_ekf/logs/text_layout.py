@@ -11,7 +11,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.header_rows import is_comment, with_names
 from rw_ekf.logs.text_cells import BLANKS, MARKS, TextLayout, has_units, is_number, is_stamp
@@ -63,7 +63,7 @@ def _by_its_words(head: bytes, delimiter: str | None, decimal: str | None, skip_
             continue
         found = layout_of(head, delimiter=delimiter, decimal=decimal, encoding=encoding, skip_rows=skip_rows)
         words = (*found.names, *found.remarks) if found else ()
-        known = sum(role_of(said_by(name)._replace(unit=None)) != "other" for name in words)
+        known = sum(role_of(stated_by(name)._replace(unit=None)) != "other" for name in words)
         if known > most:
             best, most = encoding, known
     return best
@@ -210,7 +210,7 @@ def _with_units(rows: list[str], layout: TextLayout) -> TextLayout:
         counted = Counter(each[1] for each in found if each is not None)
         units.append(counted.most_common(1)[0][0] if counted.total() == len(found) > 0 else "")
     named = itertools.zip_longest(layout.names, units[: layout.width], fillvalue="")
-    names = (name if said_by(name).unit == unit_of(unit) else with_unit(name, unit).strip() for name, unit in named)
+    names = (name if stated_by(name).unit == unit_of(unit) else with_unit(name, unit).strip() for name, unit in named)
     return replace(layout, units=tuple(units), names=tuple(names) if any(units) else layout.names)
 
 

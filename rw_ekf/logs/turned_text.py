@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Iterable, Sequence
 
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.text_cells import MARKS, TextLayout, split_cells, without_trailing
@@ -52,6 +52,6 @@ def _upright(rows: Sequence[Sequence[str]]) -> Iterable[Sequence[str]] | None:
         return None
     units = sum(not values(row[1:2]) for row in signals) > 0.5 * len(signals)
     names = [with_unit(row[0], row[1]) if units else row[0] for row in signals]
-    if not {"time", "speed"} <= {role_of(said_by(name)) for name in names}:
+    if not {"time", "speed"} <= {role_of(stated_by(name)) for name in names}:
         return None
     return [names, *zip(*(row[1 + units :] for row in signals), strict=True)]

@@ -22,18 +22,18 @@ def of_wheel(names: Iterable[str], wheel: str) -> list[str]:
 
 def rows_of_wheel(table: RawTable, wheel: str) -> RawTable:
     """The rows in which the one column that tells wheels apart has this name or number. Raises LogError."""
-    told = {
+    reported = {
         index: held
         for index, name in enumerate(table.names)
         if _TELLING.search(name) and (held := table.distinct(index, _MOST_WHEELS))
     }
-    found = [index for index, held in told.items() if wheel in held]
+    found = [index for index, held in reported.items() if wheel in held]
     if len(found) == 1:
         return table.of_only(found[0], wheel)
     if found:
         columns = ", ".join(repr(table.names[index]) for index in found)
         raise LogError(f"{table.path}: wheel {wheel!r} stands in {columns}: say which by `only` in a column map")
-    columns = "; ".join(f"{table.names[index]!r} holds {', '.join(held[:8])}" for index, held in told.items())
+    columns = "; ".join(f"{table.names[index]!r} holds {', '.join(held[:8])}" for index, held in reported.items())
     raise LogError(
         f"{table.path}: nothing in it is of a wheel {wheel!r}: {columns or 'no column or group tells wheels apart'}. "
         "Where another does, name it by `only` or `variable` in a column map"

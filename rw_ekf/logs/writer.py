@@ -72,8 +72,10 @@ class RowWriter:
             raise OSError(errno.ENOENT, "it has been removed", str(self.path))
         self.cut = self.cut or now.st_size < self.length
         if self.cut:  # a line more would stand without its header
-            said = "another program has cut it (logrotate's copytruncate?): its rows stand in that program's copy alone"
-            raise OSError(errno.EIO, said, str(self.path))
+            stated = (
+                "another program has cut it (logrotate's copytruncate?): its rows stand in that program's copy alone"
+            )
+            raise OSError(errno.EIO, stated, str(self.path))
         line = (",".join(map(cell, values)) + "\n").encode()
         write_whole(self._descriptor, line, self.length)
         self.length += len(line)

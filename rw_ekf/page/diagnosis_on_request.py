@@ -28,7 +28,7 @@ class Reports:
 
     def __init__(self) -> None:
         self._child: subprocess.Popen[bytes] | None = None
-        self._said: IO[str] | None = None
+        self._stated: IO[str] | None = None
         self._of: Path | None = None
         self._failed: dict[Path, str] = {}
         self._tickets: dict[str, tuple[Path, float]] = {}
@@ -40,9 +40,13 @@ class Reports:
             self._failed.pop(log, None)
             self._of = log
             command = [sys.executable, "-m", "rw_ekf", "diagnose", str(log), "--out", str(report_path(log).parent)]
-            self._said = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115 - read when it has ended
+            self._stated = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115 - read when it has ended
             self._child = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, start_new_session=True
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=self._stated,
+                start_new_session=True,
             )
 
     def state(self, log: Path) -> dict[str, Any]:
@@ -71,12 +75,12 @@ class Reports:
                 self._child.wait()
 
     def _look(self) -> None:
-        if self._child is None or self._of is None or self._said is None or self._child.poll() is None:
+        if self._child is None or self._of is None or self._stated is None or self._child.poll() is None:
             return
-        with self._said as said:
-            said.seek(0)
+        with self._stated as stated:
+            stated.seek(0)
             if self._child.returncode != 0:
-                self._failed[self._of] = said.read().strip()[-_WORDS:] or f"exit status {self._child.returncode}"
+                self._failed[self._of] = stated.read().strip()[-_WORDS:] or f"exit status {self._child.returncode}"
         self._child = self._of = None
 
     def _ticket(self, path: Path) -> str:

@@ -26,7 +26,7 @@ _LOAD_AFTER_S = 2.0
 _LOADED_AHEAD = ("rw_ekf.logs.reader", "rw_ekf.wheel.model_file", "rw_ekf.starting_point", "rw_ekf.filter.estimator")
 
 
-def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> None:
+def serve(place: Place, host: str, port: int, reported: Callable[[str], object]) -> None:
     """Serve runs or folders of runs; told: of the address, once it answers there. Raises BadInputError."""
     try:
         listening = _listening(host, port)
@@ -40,7 +40,7 @@ def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> 
     threading.Thread(target=_load_ahead, name="load ahead", daemon=True).start()
     access = Access.of(host)
     shown = f"[{host}]" if ":" in host else host
-    told(f"http://{shown}:{listening.getsockname()[1]}/#token={access.token}")
+    reported(f"http://{shown}:{listening.getsockname()[1]}/#token={access.token}")
     configuration = uvicorn.Config(
         page_app(place, access), log_level="error", access_log=False, lifespan="off",
         timeout_graceful_shutdown=1, limit_concurrency=1000,

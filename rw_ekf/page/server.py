@@ -64,7 +64,7 @@ class Access:
 
     host: str  # that is listened on
     token: str
-    asked_always: bool  # else only for what changes something
+    wanted_always: bool  # else only for what changes something
 
     @classmethod
     def of(cls, host: str) -> Access:
@@ -77,7 +77,7 @@ class Access:
         bare = name.strip("[]").lower()
         if bare in {"localhost", self.host.lower()} or _is_loopback(bare):
             return True
-        return self.asked_always and _is_address(bare)  # a name that is turned to another address is none
+        return self.wanted_always and _is_address(bare)  # a name that is turned to another address is none
 
     def has_token(self, request: Request) -> bool:
         """Whether a request bears the token."""
@@ -225,13 +225,13 @@ class _Answers:
 
     async def history(self, request: Request) -> Response:
         """A run's rows so far, thinned, with its state."""
-        asked = request.query_params
+        wanted = request.query_params
         try:
-            span = (float(asked.get("from", "-inf")), float(asked.get("to", "inf")))
-            points = min(int(asked.get("points", POINTS)), _MOST_POINTS)
+            span = (float(wanted.get("from", "-inf")), float(wanted.get("to", "inf")))
+            points = min(int(wanted.get("points", POINTS)), _MOST_POINTS)
         except ValueError:
             return _refusal(400, "from, to and points are numbers")
-        feed = await run_in_threadpool(self._place.feed, asked.get("run", ""))
+        feed = await run_in_threadpool(self._place.feed, wanted.get("run", ""))
         document = await run_in_threadpool(feed.history, span, points)
         state = await run_in_threadpool(feed.state)
         return _json({**document, "state": state})
@@ -329,7 +329,7 @@ class _Guard:
         if not self._access.allows_host(request.headers.get("host", "")):
             await _refusal(421, "this is no name of this machine")(scope, receive, send)
             return
-        if self._access.asked_always and scope["path"].startswith("/api/") and not self._access.has_token(request):
+        if self._access.wanted_always and scope["path"].startswith("/api/") and not self._access.has_token(request):
             await _refusal(403, "the address that was printed has the token that this takes")(scope, receive, send)
             return
 
@@ -342,9 +342,9 @@ class _Guard:
         await self._app(scope, receive, sending)
 
 
-def _believed(said: Any) -> Believed:
+def _believed(stated: Any) -> Believed:
     """Numbers with their sigmas. Raises ValueError, TypeError or AttributeError for anything else."""
-    found = {str(name): (float(value), float(std)) for name, (value, std) in said.items()}
+    found = {str(name): (float(value), float(std)) for name, (value, std) in stated.items()}
     if not all(math.isfinite(value) and 0.0 <= std < math.inf for value, std in found.values()):
         raise ValueError("not finite")
     return found

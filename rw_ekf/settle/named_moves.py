@@ -70,8 +70,8 @@ def currents(moves: Sequence[Move], base: FrictionParameters, bounds: Bounds) ->
         for tick in range(max(round(move.seconds / bounds.period_s), 1)):
             if at >= bounds.ticks:
                 return found
-            asked = _asked(move, tick * bounds.period_s, speed, began, base, bounds)
-            current = min(max(asked, -bounds.current_A), bounds.current_A)
+            wanted = _wanted(move, tick * bounds.period_s, speed, began, base, bounds)
+            current = min(max(wanted, -bounds.current_A), bounds.current_A)
             current = min(max(current, last - bounds.step_A), last + bounds.step_A)
             found[at] = last = current
             speed = _next(speed, current, base, bounds.period_s)
@@ -79,7 +79,9 @@ def currents(moves: Sequence[Move], base: FrictionParameters, bounds: Bounds) ->
     return found
 
 
-def _asked(move: Move, elapsed_s: float, speed: float, began: float, base: FrictionParameters, bounds: Bounds) -> float:
+def _wanted(
+    move: Move, elapsed_s: float, speed: float, began: float, base: FrictionParameters, bounds: Bounds
+) -> float:
     """Current that a move asks for, at a time since it began [s] and a speed [rad/s]."""
     if move.kind == "coast":
         return 0.0

@@ -18,7 +18,7 @@ LOOKED_AT = 240  # motions, those of `_usual` among them
 _DRAWN_SHARE = 0.4
 _KEPT = 8  # of those drawn, and from turn to turn
 _ENOUGH = 16.0  # of a divergence: odds of 3000 to 1, evidence being halved; more is worth little
-_TOLD_APART = 1.0  # of a divergence: a pair with less under the best motion is one and the same to it
+_REPORTED_APART = 1.0  # of a divergence: a pair with less under the best motion is one and the same to it
 _EVENTUALLY = 0.02  # weight of what a motion is worth beyond that, so that there is always a better one
 
 
@@ -81,7 +81,7 @@ def design_motion(
 
 def _alike(most: Float64Array) -> BoolArray:
     """Which explanations no motion tells apart, (k, k), from the largest divergence of each pair."""
-    alike = most < _TOLD_APART
+    alike = most < _REPORTED_APART
     for _ in range(alike.shape[0]):
         alike = alike | (alike.astype(int) @ alike.astype(int) > 0)
     return alike

@@ -128,23 +128,23 @@ class Plan:
 
     def text(self) -> str:
         """The same for a person."""
-        said = self.document()
-        lines = [f"{self.scene.standing.path}: two minutes to tell {len(said['explanations'])} explanations apart"]
-        for item in said["explanations"]:
+        stated = self.document()
+        lines = [f"{self.scene.standing.path}: two minutes to tell {len(stated['explanations'])} explanations apart"]
+        for item in stated["explanations"]:
             name = "+".join(item["effects"]) or "none"
             when = "not settled" if item["settled_s"] is None else f"0.95 after {item['settled_s']:.0f} s"
             lines.append(
                 f"  {name:<28} {item['posterior']:.2g} now; if it is right, {when}, "
                 f"{item['expected_posterior']:.3g} at the end"
             )
-        for group in said["alike"]:
+        for group in stated["alike"]:
             names = " and ".join("+".join(effects) or "none" for effects in group)
             lines.append(f"  {names}: one and the same to every motion at this rate, and counted together")
         if self.design.alike.all():
             return "\n".join([*lines, f"  {self.refusal()}"])
         lines += ["", "  motion, from rest"]
-        lines += [f"    {move['begins_s']:6.1f} s  {move['text']}" for move in said["moves"]]
-        most = said["most"]
+        lines += [f"    {move['begins_s']:6.1f} s  {move['text']}" for move in stated["moves"]]
+        most = stated["most"]
         lines.append(
             f"  at most {number_text(1e3 * most['current_A'])} mA, {number_text(most['slew_A_per_s'])} A/s, "
             f"{number_text(most['speed_rpm'])} rpm as predicted"

@@ -101,8 +101,8 @@ def _document(path: str) -> dict[str, Any]:
     document = json_of(text) if len(text) <= _MOST_BYTES else None
     schema = document.get("schema") if isinstance(document, dict) else None
     if not isinstance(document, dict) or schema != SCHEMA:
-        said = f"its schema is {schema!r}" if schema is not None else "it is no JSON document with a schema"
-        raise BadInputError(f"{path}: not a diagnosis ({said}): {_WRITE}")
+        stated = f"its schema is {schema!r}" if schema is not None else "it is no JSON document with a schema"
+        raise BadInputError(f"{path}: not a diagnosis ({stated}): {_WRITE}")
     return document
 
 

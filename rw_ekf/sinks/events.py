@@ -43,19 +43,19 @@ class Happenings:
         return {"utc": self._utc(), "time_s": self._time_s, "event": "ended", "state": self._state.state.value}
 
     def _of_compensation(self, time_s: float, now: CompensationNow) -> list[dict[str, Any]]:
-        said = {"scheme": now.scheme, "on": now.on, "parameters": now.parameters, "reason": now.reason}
-        if said == self._compensation:
+        stated = {"scheme": now.scheme, "on": now.on, "parameters": now.parameters, "reason": now.reason}
+        if stated == self._compensation:
             return []
-        self._compensation = said
-        return [{"utc": self._utc(), "time_s": time_s, "event": "compensation", **said}]
+        self._compensation = stated
+        return [{"utc": self._utc(), "time_s": time_s, "event": "compensation", **stated}]
 
     def _of_alarms(self, time_s: float, tick: Tick) -> list[dict[str, Any]]:
         """Ends before beginnings: in a train of spikes one ends where the next sets in."""
         on = {alarm.name: alarm for alarm in tick.alarms}
         now = {"utc": self._utc(), "time_s": time_s}
         found: list[dict[str, Any]] = [{**now, "event": "alarm_over", **a.document()} for a in tick.alarms_over]
-        told = {alarm.name for alarm in tick.alarms_over}
-        for name in self._alarms.keys() - on.keys() - told:  # the watch itself has ended
+        reported = {alarm.name for alarm in tick.alarms_over}
+        for name in self._alarms.keys() - on.keys() - reported:  # the watch itself has ended
             found.append({**now, "event": "alarm_over", "name": name})
         for name, alarm in on.items():
             if name not in self._alarms or self._alarms[name].since_s != alarm.since_s:

@@ -48,7 +48,7 @@ class LearnedSink:
         self._first_s = run.clock.monotonic() + 0.5 * every_s
         self._newest: Estimate | None = None  # that was not saved yet
         self._replaces = learning.start.replaces
-        self._said: set[str] = set()
+        self._stated: set[str] = set()
         self._failed = False
         self._too_little: str | None = None  # why what was learned last is not worth to be kept
 
@@ -118,6 +118,6 @@ class LearnedSink:
             self._say("learned_not_saved", str(error), "the run goes on, and tries again")
 
     def _say(self, event: str, reason: str, do: str) -> None:
-        if event not in self._said:
-            self._said.add(event)
+        if event not in self._stated:
+            self._stated.add(event)
             self._run.logger.warning(event, file=str(self._run.files.learned), reason=reason, do=do)

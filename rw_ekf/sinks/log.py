@@ -68,7 +68,7 @@ class LogSink:
         self._part = open_part(1)
         self._part_s = 0.0  # time of samples in the part
         self._try_at_s = 0.0  # to begin the next one, where that has failed
-        self._try_said = False
+        self._try_stated = False
         self._last: WheelSample | None = None
         self._breaks = 0
         self._broken = False
@@ -82,8 +82,8 @@ class LogSink:
         self._in_part(tick)
         breaks = self._breaks + self._broken
         try:
-            told = replace(sample, segment=sample.segment + breaks) if breaks else sample
-            self._part.samples.write(told, tick.command)
+            reported = replace(sample, segment=sample.segment + breaks) if breaks else sample
+            self._part.samples.write(reported, tick.command)
             self._breaks, self._broken = breaks, False
             self._record.add(sample.time_s, sample.speed_rad_s)
         except OSError as error:
@@ -135,9 +135,9 @@ class LogSink:
             part = self._open_part(self._number + 1)
         except BadInputError as error:  # this part takes what comes, however long it gets
             self._try_at_s = self._part_s + _TRY_EVERY_S
-            if not removed and not self._try_said:
+            if not removed and not self._try_stated:
                 self._note("part_not_begun", reason=str(error), do="the log goes on in the part there is")
-                self._try_said = True
+                self._try_stated = True
             return
         self._close_part()
         if not removed:

@@ -108,16 +108,16 @@ class StatusLine:
 
     def _log(self, tick: Tick) -> None:
         state, std = tick.estimate.state, tick.estimate.std
-        told: dict[str, Any] = {"elapsed_s": round(self._elapsed_s, 1), "of_s": self._total_s()}
+        reported: dict[str, Any] = {"elapsed_s": round(self._elapsed_s, 1), "of_s": self._total_s()}
         if self._phase is not None:
-            told["phase"] = self._phase(self._elapsed_s)
-        told |= {"state": _state_word(tick), "speed_rpm": round(rpm_from_rad_s(state.speed_rad_s), 2)}
+            reported["phase"] = self._phase(self._elapsed_s)
+        reported |= {"state": _state_word(tick), "speed_rpm": round(rpm_from_rad_s(state.speed_rad_s), 2)}
         if tick.command is not None:
-            told["current_mA"] = round(1e3 * tick.command.current_A, 1)
+            reported["current_mA"] = round(1e3 * tick.command.current_A, 1)
         for name in PARAMETER_NAMES:
-            told[name] = f"{concise(getattr(state, name), getattr(std, name))} {STATE_UNITS[name]}"
-        told["alarms"] = len(tick.alarms)
-        self._logger.info("running", **{key: value for key, value in told.items() if value is not None})
+            reported[name] = f"{concise(getattr(state, name), getattr(std, name))} {STATE_UNITS[name]}"
+        reported["alarms"] = len(tick.alarms)
+        self._logger.info("running", **{key: value for key, value in reported.items() if value is not None})
 
 
 def _state_word(tick: Tick) -> str:

@@ -217,6 +217,6 @@ def _trend_lines(found: WheelSpikes) -> list[str]:
         )
     if found.size_trend is not None:
         sizes = found.size_trend
-        said = "no change to be seen" if sizes.p_value >= LEVEL else "growing" if sizes.tau > 0.0 else "shrinking"
-        lines.append(f"  sizes: {said} (Kendall {sizes.tau:+.2f}, p = {sizes.p_value:.2g})")
+        stated = "no change to be seen" if sizes.p_value >= LEVEL else "growing" if sizes.tau > 0.0 else "shrinking"
+        lines.append(f"  sizes: {stated} (Kendall {sizes.tau:+.2f}, p = {sizes.p_value:.2g})")
     return lines

@@ -37,12 +37,12 @@ class Alarm:
 
 def _residual_sentence(alarm: Alarm, since: str, ended: str) -> str:
     dependence = alarm.details.get("largest_dependence")
-    said = f"largest dependence: {dependence}"
+    stated = f"largest dependence: {dependence}"
     if alarm.details.get("after") is not None:
-        said += f", after {alarm.details['after']}"
+        stated += f", after {alarm.details['after']}"
     if alarm.ended_s is not None:
-        return f"residual is noise again since {ended} (it was not since {since}; {said})"
-    return f"residual is not noise since {since}, {said}"
+        return f"residual is noise again since {ended} (it was not since {since}; {stated})"
+    return f"residual is not noise since {since}, {stated}"
 
 
 def _spike_sentence(alarm: Alarm, since: str, ended: str) -> str:

@@ -31,7 +31,7 @@ class CurrentWatch:
         self._known = False
         self._beyond: deque[float] = deque(maxlen=_MEAN_OF)
         self._other: deque[bool] = deque(maxlen=_READ_BACKS)
-        self._told_A = self._instead_of_A = self._measured_A = 0.0
+        self._reported_A = self._instead_of_A = self._measured_A = 0.0
 
     def commanded(self, command: IssuedCommand) -> None:
         """Note what was written after the reading that was added last."""
@@ -52,7 +52,7 @@ class CurrentWatch:
             off_A = abs(sample.current_command_A - self._in_force[-1])
             self._other.append(off_A > _COUNT_A + 0.5 * self.tolerance_A)
             if self._other[-1]:
-                self._told_A, self._instead_of_A = sample.current_command_A, self._in_force[-1]
+                self._reported_A, self._instead_of_A = sample.current_command_A, self._in_force[-1]
         if sample.current_A is not None:
             low, high = min(self._in_force), max(self._in_force)
             within = self.tolerance_A + _GAIN_SHARE * max(abs(low), abs(high))
@@ -68,9 +68,9 @@ class CurrentWatch:
             return None
         if sum(self._other) >= _WRONG:
             return "command_not_in_force", (
-                f"telemetry says that {self._told_A:.4g} A is commanded, but {self._instead_of_A:.4g} A was written: "
-                "another program writes to this wheel, or it does not take what it acknowledges, or the scale of "
-                "current_command in the wire map is wrong where it is read or where it is written"
+                f"telemetry says that {self._reported_A:.4g} A is commanded, but {self._instead_of_A:.4g} A was "
+                "written: another program writes to this wheel, or it does not take what it acknowledges, or the scale "
+                "of current_command in the wire map is wrong where it is read or where it is written"
             )
         if abs(sum(self._beyond)) > _MEAN_OF:
             return "current_not_as_commanded", (

@@ -104,17 +104,17 @@ class OnsetBank:
     def _weigh(self, e: Observation) -> Onset | None:
         weight = 1.0 / e.variance
         limit = _CLIP * math.sqrt(e.variance)
-        told = weight * min(max(e.innovation_rad_s, -limit), limit)
+        reported = weight * min(max(e.innovation_rad_s, -limit), limit)
         best, rival, best_square, rival_square = None, None, 0.0, 0.0
         for onset in self._onsets:
             lag, step = onset.lag, onset.step
             information = onset.information + weight * lag * lag
-            score = onset.score + told * lag
+            score = onset.score + reported * lag
             onset.information, onset.score = information, score
             if score > 0.0 and score * score > best_square * information:
                 best, best_square = onset, score * score / information
             information = onset.step_information + weight * step * step
-            score = onset.step_score + told * step
+            score = onset.step_score + reported * step
             onset.step_information, onset.step_score = information, score
             if score * score > rival_square * information:
                 rival, rival_square = onset, score * score / information

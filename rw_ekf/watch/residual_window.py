@@ -148,7 +148,7 @@ def explained(window: BlockSums) -> tuple[Float64Array, Float64Array]:
     weights = np.linalg.solve(core, scaled[own, :])  # (terms, q)
     left = np.diag(scaled) - np.einsum("iq,iq->q", scaled[own, :], weights)
     rest = score / scale - (score[own] / scale[own]) @ weights
-    told = left > _COLLINEAR
-    told[own] = False
-    beside = np.divide(rest**2, left, out=np.zeros(size), where=told & seen)
+    reported = left > _COLLINEAR
+    reported[own] = False
+    beside = np.divide(rest**2, left, out=np.zeros(size), where=reported & seen)
     return alone, beside

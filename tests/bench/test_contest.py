@@ -138,10 +138,10 @@ def test_an_interrupt_ends_a_contest_at_once_and_leaves_no_process(tmp_path: Pat
     while len(_group(started.pid)) < 3 and started.poll() is None:  # itself, and two workers or their like
         time.sleep(0.05)
     os.killpg(started.pid, signal.SIGINT)
-    _, said = started.communicate()
+    _, stated = started.communicate()
     assert started.returncode == 130
-    assert "Traceback" not in said
-    assert said.strip().splitlines()[-1] == "rw-ekf: interrupted"
+    assert "Traceback" not in stated
+    assert stated.strip().splitlines()[-1] == "rw-ekf: interrupted"
     while _group(started.pid):
         time.sleep(0.05)
 

@@ -33,13 +33,13 @@ def growth_per_cycle(scenario: Scenario, bandwidth: float, gain: float, further_
         """From just before a command to just before the next; torque per inertia of the body."""
         attitude, rate, held, error, integral, *sent = state
         held += control.integral_Nm_rad_s * attitude * period
-        asked = -(control.proportional_Nm_rad * attitude + scenario.derivative_Nms_rad * rate + held) / inertia
-        asked += 2.0 * DAMPING * bandwidth * error + bandwidth**2 * integral
-        sent, began = [asked, *sent], rate
+        wanted = -(control.proportional_Nm_rad * attitude + scenario.derivative_Nms_rad * rate + held) / inertia
+        wanted += 2.0 * DAMPING * bandwidth * error + bandwidth**2 * integral
+        sent, began = [wanted, *sent], rate
         for torque, lasts in ((sent[late + 1], early), (sent[late], period - early)):
             attitude += rate * lasts + 0.5 * gain * torque * lasts**2
             rate += gain * torque * lasts
-        drag = asked - (rate - began) / period
+        drag = wanted - (rate - began) / period
         error, integral, _ = step @ np.array([error, integral, drag])
         return np.array([attitude, rate, held, error, integral, *sent[:-1]])
 

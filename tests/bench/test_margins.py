@@ -18,14 +18,14 @@ def growth_per_cycle(scenario: Scenario, further_delay_s: float) -> float:
     switch = delay - late * period
 
     def cycle(state: np.ndarray) -> np.ndarray:
-        attitude, rate, held, *asked = state
+        attitude, rate, held, *wanted = state
         held += scenario.control.integral_Nm_rad_s * attitude * period
         torque = -(scenario.control.proportional_Nm_rad * attitude + scenario.derivative_Nms_rad * rate + held)
-        asked = [torque, *asked]
-        for acting, lasts in ((asked[late + 1], switch), (asked[late], period - switch)):
+        wanted = [torque, *wanted]
+        for acting, lasts in ((wanted[late + 1], switch), (wanted[late], period - switch)):
             attitude += rate * lasts + 0.5 * acting / inertia * lasts**2
             rate += acting / inertia * lasts
-        return np.array([attitude, rate, held, *asked[:-1]])
+        return np.array([attitude, rate, held, *wanted[:-1]])
 
     size = 3 + late + 1
     return float(np.abs(np.linalg.eigvals(np.column_stack([cycle(unit) for unit in np.eye(size)]))).max())

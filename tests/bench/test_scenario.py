@@ -52,7 +52,7 @@ def test_the_default_is_the_experiment_of_ck13() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("body: {inertia_kg_m2: -1}", ":1:23: body.inertia_kg_m2 must be above 0"),
         ("wheel: {start_rpm: 600}\nbody: {fan: 1}", ":2:8: unknown key body.fan"),
@@ -62,13 +62,13 @@ def test_the_default_is_the_experiment_of_ck13() -> None:
         ("- 1", "a scenario must be a table of body, control"),
     ],
 )
-def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path: Path, text: str, said: str) -> None:
+def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path: Path, text: str, stated: str) -> None:
     """file:line:column, the key, and what is allowed."""
     path = tmp_path / "scenario.yaml"
     path.write_text(text + "\n", encoding="utf-8")
     with pytest.raises(ConfigError) as raised:
         load_scenario(path)
-    assert any(said in finding and finding.startswith(str(path)) for finding in raised.value.findings)
+    assert any(stated in finding and finding.startswith(str(path)) for finding in raised.value.findings)
 
 
 def test_a_wheel_that_cannot_reverse_is_refused(tmp_path: Path) -> None:
@@ -151,8 +151,8 @@ def test_without_a_word_there_is_one_scheme_of_each_kind() -> None:
     """The default is the documented list; "all" is the registry, and no name in any company."""
     assert schemes_of(None) == list(REPRESENTATIVE)
     text = (Path(__file__).parents[2] / "docs" / "bench.md").read_text(encoding="utf-8")
-    (told,) = re.findall(r"Without `--schemes` it runs (.*?): the recommended", text, re.DOTALL)
-    assert tuple(re.findall(r"`(\w+)`", told)) == REPRESENTATIVE
+    (reported,) = re.findall(r"Without `--schemes` it runs (.*?): the recommended", text, re.DOTALL)
+    assert tuple(re.findall(r"`(\w+)`", reported)) == REPRESENTATIVE
     assert schemes_of(["all"]) == list(SCHEMES)
     with pytest.raises(BadInputError, match="there is no such scheme"):
         schemes_of(["all", "dmc"])

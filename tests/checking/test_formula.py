@@ -110,15 +110,15 @@ WRONG = {
 @pytest.mark.parametrize(("text", "begins"), WRONG.values(), ids=WRONG.keys())
 def test_what_is_wrong_is_told_with_its_place(tmp_path: Path, text: str | bytes, begins: str) -> None:
     """File, line, column, and what was found; one finding for one mistake."""
-    said = findings(tmp_path, text)
-    assert said[0].startswith(begins)
-    assert len(said) == 1
+    stated = findings(tmp_path, text)
+    assert stated[0].startswith(begins)
+    assert len(stated) == 1
 
 
 def test_every_mistake_of_a_file_is_told_at_once(tmp_path: Path) -> None:
     """One line each, in the order of the file."""
-    said = findings(tmp_path, "\n".join(("x: {drag: a*b, a: {unit: 1}}", EDDY, "y: {torque: q, q: {}}")))
-    assert [line.split(": ")[0] for line in said] == ["my.yaml:1:13", "my.yaml:3:16"]
+    stated = findings(tmp_path, "\n".join(("x: {drag: a*b, a: {unit: 1}}", EDDY, "y: {torque: q, q: {}}")))
+    assert [line.split(": ")[0] for line in stated] == ["my.yaml:1:13", "my.yaml:3:16"]
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:

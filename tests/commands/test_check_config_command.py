@@ -142,10 +142,10 @@ def test_a_mistake_of_the_configuration_hides_none_of_its_wire_map(
     config.write_text(
         yaml.safe_dump({"wheel": wheel, "limits": {"current_A": -1}, "limit": {}} | wheels), encoding="utf-8"
     )
-    told = findings(capsys, config).splitlines()
-    assert len(told) == 4, told
+    reported = findings(capsys, config).splitlines()
+    assert len(reported) == 4, reported
     for text in ("unknown section limit;", "limits.current_A must be above 0", "baud must be at", "'furlong'"):
-        assert sum(text in line for line in told) == 1, told
+        assert sum(text in line for line in reported) == 1, reported
 
 
 @pytest.mark.parametrize(
@@ -285,9 +285,9 @@ def test_a_line_that_is_too_slow_for_the_rate_says_which_it_can(
         )
 
     write(100.0, 9600)
-    told = findings(capsys, config)
-    assert f"{config}:3:17: loop.rate_hz is 100, but the bytes of a turn take the line " in told
-    able = float(told.split("give at most ")[1].split(",")[0])
+    reported = findings(capsys, config)
+    assert f"{config}:3:17: loop.rate_hz is 100, but the bytes of a turn take the line " in reported
+    able = float(reported.split("give at most ")[1].split(",")[0])
     assert 5.0 < able < 100.0
     for rate_hz, baud, port in ((able, 9600, "/dev/ttyUSB0"), (100.0, 921600, "/dev/ttyUSB0"), (100.0, 9600, "/tmp/w")):
         write(rate_hz, baud, port)

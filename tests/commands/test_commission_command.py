@@ -73,7 +73,7 @@ def test_a_number_that_is_none_is_asked_for_again_with_the_reason(
     monkeypatch.setattr("sys.stdin", io.StringIO("abc\n-1\n0.3\n\n"))
     terminal = commission.Terminal(as_json=False)
     assert terminal.number("largest current [A]", 0.2) == 0.3
-    said = capsys.readouterr().err
-    assert "'abc' is no number" in said
-    assert "'-1' is not above zero" in said
+    stated = capsys.readouterr().err
+    assert "'abc' is no number" in stated
+    assert "'-1' is not above zero" in stated
     assert terminal.number("largest current [A]", 0.2) == 0.2

@@ -123,8 +123,8 @@ def test_replay_takes_the_model_and_knows_the_effect(offset: Diagnosed, capsys: 
     assert abs(torque["value"] - TORQUE_RAD_S2) < 4.0 * torque["std"] < 0.004
     assert with_it["innovation"]["rms_rpm"] < without["innovation"]["rms_rpm"]
     assert any("residual is not noise" in text for text in without["warnings"])
-    (said,) = with_it["warnings"]  # and nothing of the residual
-    assert "the model given was made of this very log" in said
+    (stated,) = with_it["warnings"]  # and nothing of the residual
+    assert "the model given was made of this very log" in stated
 
 
 def test_diagnosing_again_with_the_model_finds_nothing(offset: Diagnosed, capsys: pytest.CaptureFixture[str]) -> None:

@@ -55,15 +55,15 @@ def test_a_wrong_file_ends_either_verb_with_its_place(
 
 
 @pytest.mark.parametrize(
-    ("effect", "said"),
+    ("effect", "stated"),
     [("eddy", "needs a"), ("eddy:w=2", "'w'"), ("eddy:a=fast", "number"), ("no:a=1", "unknown effect")],
 )
 def test_a_simulated_wheel_needs_its_numbers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], effect_file: str, effect: str, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], effect_file: str, effect: str, stated: str
 ) -> None:
     """Status 2, one sentence, no link."""
     link = str(tmp_path / "wheel")
-    assert said in refused(capsys, "simulate", "--link", link, "--effect-file", effect_file, "--effect", effect)
+    assert stated in refused(capsys, "simulate", "--link", link, "--effect-file", effect_file, "--effect", effect)
 
 
 def log_file(case: Nameless, path: Path) -> str:

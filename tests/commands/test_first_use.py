@@ -147,8 +147,8 @@ def test_compile_says_what_the_next_command_finds(tmp_path: Path) -> None:
     """Where nothing can be kept, all are left and the status is 1; a folder that can is named as what to give."""
     (tmp_path / "file").write_text("", encoding="utf-8")
     done = rw_ekf("compile", "--json", env=cold_cache(tmp_path / "file"))
-    told = json.loads(done.stdout)
-    assert (done.returncode, told["compiled"]) == (1, [])
-    assert set(told["left"]) == set(compile_ahead.DIAGNOSIS)
+    reported = json.loads(done.stdout)
+    assert (done.returncode, reported["compiled"]) == (1, [])
+    assert set(reported["left"]) == set(compile_ahead.DIAGNOSIS)
     assert "for this time only" in done.stderr
     assert "set RW_EKF_CACHE_DIR" in done.stderr

@@ -73,13 +73,13 @@ def test_a_verb_that_is_not_there_is_told_its_nearest(
 )
 def test_other_ways_to_ask_say_the_same(words: list[str], same: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """`help`, `help VERB` and -V print what the long options do, and end with 0."""
-    said = []
-    for asked in (words, same):
+    stated = []
+    for wanted in (words, same):
         with pytest.raises(SystemExit) as left:
-            main(asked)
+            main(wanted)
         assert left.value.code == 0
-        said.append(capsys.readouterr().out)
-    assert said[0] == said[1] != ""
+        stated.append(capsys.readouterr().out)
+    assert stated[0] == stated[1] != ""
 
 
 def test_config_and_out_have_one_letter_wherever_they_are() -> None:
@@ -112,7 +112,7 @@ def test_a_duration_must_be_above_zero(option: tuple[str, ...], text: str, capsy
 
 
 @pytest.mark.parametrize(
-    ("words", "kind", "said"),
+    ("words", "kind", "stated"),
     [
         (["nonsense"], "usage", "there is no verb"),
         (["replay"], "usage", "required: LOG"),
@@ -123,7 +123,7 @@ def test_a_duration_must_be_above_zero(option: tuple[str, ...], text: str, capsy
 )
 @pytest.mark.parametrize("option", ["--json", "--js"])
 def test_an_error_is_a_document_where_one_was_asked_for(
-    words: list[str], kind: str, said: str, option: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], kind: str, stated: str, option: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One document on standard output, its sentence on standard error too, and the exit status in it."""
     assert main([*words, option]) == 2
@@ -132,7 +132,7 @@ def test_an_error_is_a_document_where_one_was_asked_for(
     check_document(document)
     (message,) = document["error"]["messages"]
     assert (document["error"]["kind"], document["exit_status"]) == (kind, 2)
-    assert said in message
+    assert stated in message
     assert errors.endswith(f"rw-ekf: error: {message}\n")
 
 
@@ -275,7 +275,7 @@ def test_verbose_says_what_is_done_on_standard_error(
     log.write_text("time_s,speed_rpm,current_A\n" + "".join(f"{0.1 * i:.1f},{i},0.1\n" for i in range(20)))
     words = ["export", str(log), str(out)]
     assert main([*words[:place], "-v", *words[place:]]) == 0
-    printed, said = capsys.readouterr()
-    assert [f"will write {out}" in said, f"has read {log}: 20 rows" in said, "export took" in said] == [True] * 3
+    printed, stated = capsys.readouterr()
+    assert [f"will write {out}" in stated, f"has read {log}: 20 rows" in stated, "export took" in stated] == [True] * 3
     assert main(words) == 0
     assert capsys.readouterr() == (printed, "")

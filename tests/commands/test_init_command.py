@@ -36,7 +36,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("devices", "port", "said"),
+    ("devices", "port", "stated"),
     [
         ((), "/dev/serial/by-id/NAME-OF-YOUR-ADAPTER", "no serial port was found: wheel.port is a placeholder"),
         (("/dev/ttyUSB7",), "/dev/ttyUSB7", "written; wheel.port is /dev/ttyUSB7"),
@@ -46,14 +46,14 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_file_is_the_example_with_the_port_that_was_found(
     devices: tuple[str, ...],
     port: str,
-    said: str,
+    stated: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """With no port, one, or several: the example but for the port and the largest current; what was done is said."""
     find(monkeypatch, *devices)
     assert main(["init"]) == 0
-    assert said in capsys.readouterr().out
+    assert stated in capsys.readouterr().out
     made, example = with_limit("my-wheel.yaml", 0.6), load_configuration("example")
     assert made.wheel == example.wheel.model_copy(update={"port": port})
     assert made.model_copy(update={"wheel": example.wheel}) == example

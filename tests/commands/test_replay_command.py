@@ -131,13 +131,13 @@ def test_a_bad_log_among_many_is_refused_as_it_is_alone(
     for path in folder.glob("[0-2].csv"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "2.csv").write_text("time_s,speed_rad_s,current_A\n0,1,0\n1,nonsense,0\n", encoding="utf-8")
-    said = []
+    stated = []
     for shared_s in (2.0, 0.0):
         monkeypatch.setattr(log_replays, "_SHARED_S", shared_s)
         assert main(["replay", str(tmp_path), "--json"]) == 2
-        said.append(capfd.readouterr().out)
-    assert said[0] == said[1]
-    assert "nonsense" in said[0]
+        stated.append(capfd.readouterr().out)
+    assert stated[0] == stated[1]
+    assert "nonsense" in stated[0]
     error = ConfigError(["one", "two"])
     assert pickle.loads(pickle.dumps(error)).findings == error.findings
 
@@ -153,9 +153,9 @@ def test_a_process_that_is_killed_is_a_sentence(
     monkeypatch.setattr(log_replays, "_SHARED_S", 0.0)
     monkeypatch.setattr(log_replays, "partial", lambda *_, **__: _ended)
     assert main(["replay", str(folder)]) == 1
-    said = capfd.readouterr().err
-    assert "fewer logs at a time" in said
-    assert "Traceback" not in said
+    stated = capfd.readouterr().err
+    assert "fewer logs at a time" in stated
+    assert "Traceback" not in stated
 
 
 def test_smoothing_adds_columns_and_knows_more(log: Path, tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ def test_a_run_from_its_start_to_its_death(bench: Bench) -> None:
         assert document["state"] == "TRACKING"
         assert set(document["estimate"]["state"]) == set(document["estimate"]["std"])
         assert document["link"]["requests"] > 0
-        said = rw_ekf("status", "--config", config)
-        assert said.stdout.startswith("TRACKING since ")
+        stated = rw_ekf("status", "--config", config)
+        assert stated.stdout.startswith("TRACKING since ")
         daemon.kill()
         daemon.wait()
     code, document = status(config)
@@ -105,8 +105,8 @@ def test_a_run_that_ends_in_safe_says_so_in_its_status(bench: Bench) -> None:
     document = document_of(out)
     assert document["state"]["state"] == "SAFE"
     assert any("ended in SAFE" in text for text in document["logs"][0]["warnings"])
-    code, told = status(config)
-    assert (code, told["state"]) == (4, "SAFE")
+    code, reported = status(config)
+    assert (code, reported["state"]) == (4, "SAFE")
 
 
 def test_a_state_file_that_is_none_is_not_believed(bench: Bench) -> None:

@@ -73,9 +73,9 @@ def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int, family: 
     assert draw.family == family
     assert draw.scale != 1.0
     assert draw.turned
-    told = carry_out(draw)
-    assert (told.verdict, told.reason) == ("right", "")
-    assert told.wheel_minutes < 15.0
+    reported = carry_out(draw)
+    assert (reported.verdict, reported.reason) == ("right", "")
+    assert reported.wheel_minutes < 15.0
 
 
 @pytest.mark.slow
@@ -90,8 +90,8 @@ def test_a_wheel_whose_telemetry_bears_commands_out_is_commissioned_through_a_me
     family: str, scale: float, turned: tuple[tuple[str, str], ...]
 ) -> None:
     """A scale twice what it should be, a sign of the speed or the command: the model is the true wheel's."""
-    told = carry_out(replace(USUAL, family=family, scale=scale, turned=turned))
-    assert told.verdict == "right", told.reason
+    reported = carry_out(replace(USUAL, family=family, scale=scale, turned=turned))
+    assert reported.verdict == "right", reported.reason
 
 
 @pytest.mark.slow

@@ -30,8 +30,8 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 def test_a_profile_is_asked_at_the_time_since_the_first_sample() -> None:
     """Wheel time may begin anywhere: the profile begins at its own zero."""
     controller = ProfileController(make_profile("sine", amplitude_A=0.1, period_s=4.0))
-    asked = [controller(tick_of(WheelSample(1000.0 + time_s, 1.0))) for time_s in (0.0, 1.0, 3.0)]
-    assert asked == pytest.approx([0.0, 0.1, -0.1], abs=1e-12)
+    wanted = [controller(tick_of(WheelSample(1000.0 + time_s, 1.0))) for time_s in (0.0, 1.0, 3.0)]
+    assert wanted == pytest.approx([0.0, 0.1, -0.1], abs=1e-12)
 
 
 def test_a_profile_goes_on_through_a_restart_of_the_wheel() -> None:

@@ -70,14 +70,14 @@ def move(
     while not ended:
         sample = WheelSample(time_s, speed_scale * (speed + rng.normal(0.0, noise_rad_s)))
         held = time_s < safe_s
-        asked = commander(replace(tick_of(sample), state=SAFE if held else None))
-        assert not (held and asked)
+        wanted = commander(replace(tick_of(sample), state=SAFE if held else None))
+        assert not (held and wanted)
         if ended:
-            assert asked == PROFILE_A
+            assert wanted == PROFILE_A
             break
-        largest = max(largest, abs(asked))
+        largest = max(largest, abs(wanted))
         most = slew_A_per_s * period_s
-        commanded = 0.0 if asked == 0.0 else commanded + max(-most, min(most, asked - commanded))
+        commanded = 0.0 if wanted == 0.0 else commanded + max(-most, min(most, wanted - commanded))
         watch.add(tick_of(sample, IssuedCommand(commanded, DELAY_S)))
         for drive, lasts_s in ((flows, DELAY_S), (commanded, period_s - DELAY_S)):
             speed = wheel.after(speed, current_scale * drive + outside / wheel.k, lasts_s)
@@ -215,14 +215,14 @@ def test_a_slow_slew_makes_longer_pulses() -> None:
 def test_near_the_speed_limit_the_wheel_is_only_braked() -> None:
     """Ten rad/s below it: no pulse in the direction of turning, for either sense."""
     for speed in (437.0, -437.0):
-        asked: list[float] = []
+        wanted: list[float] = []
         watch = SignWatch(DEFAULT_PRIOR.parameters, STRIBECK, 0.1)
         limits = MoveLimits(0.6, 5.0, SPEED_LIMIT_RAD_S, 0.1, 0.1)
         commander = ConfirmingMove(lambda tick: 0.0, watch, DEFAULT_PRIOR.parameters, limits, lambda move: None)
         for i in range(40):
-            asked.append(commander(tick_of(WheelSample(0.1 * i, speed))))
-        assert min(a * math.copysign(1.0, speed) for a in asked) < 0.0
-        assert max(a * math.copysign(1.0, speed) for a in asked) <= 0.0
+            wanted.append(commander(tick_of(WheelSample(0.1 * i, speed))))
+        assert min(a * math.copysign(1.0, speed) for a in wanted) < 0.0
+        assert max(a * math.copysign(1.0, speed) for a in wanted) <= 0.0
 
 
 def test_time_that_the_wheel_s_clock_does_not_give_passes_all_the_same() -> None:

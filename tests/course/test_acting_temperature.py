@@ -41,10 +41,10 @@ def test_readings_that_come_seldom_are_joined_by_straight_lines() -> None:
     seldom = np.where(np.arange(TIME.size) % 20 == 0, read, math.nan)
     seldom[(TIME > 100.0) & (TIME < 160.0)] = math.nan
     whole, found = acting_temperature(TIME, ONE, read, 40.0), acting_temperature(TIME, ONE, seldom, 40.0)
-    told = np.isfinite(seldom)
-    assert np.max(np.abs(found - whole)[told & (TIME < 100.0)]) < 0.02
-    assert np.max(np.abs(found - whole)[told & (TIME > 160.0)]) < 0.5
-    assert np.max(np.abs(found - whole)[told & (TIME > 280.0)]) < 0.03
+    reported = np.isfinite(seldom)
+    assert np.max(np.abs(found - whole)[reported & (TIME < 100.0)]) < 0.02
+    assert np.max(np.abs(found - whole)[reported & (TIME > 160.0)]) < 0.5
+    assert np.max(np.abs(found - whole)[reported & (TIME > 280.0)]) < 0.03
 
 
 def test_rows_that_are_lost_leave_the_body_where_it_is() -> None:

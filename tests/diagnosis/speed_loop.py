@@ -34,9 +34,9 @@ def regulated(
     for i in range(n):
         reading[i] = speed + noise[i]
         error = float(wanted[i] - reading[i])
-        asked = along_A * error + held
-        drive_A = min(max(asked, -limit_A), limit_A)
-        if drive_A == asked or (asked - drive_A) * error < 0.0:
+        requested = along_A * error + held
+        drive_A = min(max(requested, -limit_A), limit_A)
+        if drive_A == requested or (requested - drive_A) * error < 0.0:
             held += 0.3 * along_A * error / rate_hz
         current_A[i] = drive_A
         for _ in range(round(1.0 / (rate_hz * _STEP_S))):

@@ -70,9 +70,9 @@ def test_where_no_half_knows_the_numbers_a_figure_has_to_grow_clearly(
 
 def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the free run gains, an error 20 s ahead that grows is held against an effect."""
-    said = refusal(monkeypatch, free_run_rms_rpm=0.4, horizon_20s_rms_rpm=1.8)
-    assert said is not None
-    assert "20 s ahead grows by 20 %" in said
+    stated = refusal(monkeypatch, free_run_rms_rpm=0.4, horizon_20s_rms_rpm=1.8)
+    assert stated is not None
+    assert "20 s ahead grows by 20 %" in stated
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def plateaus(rng: np.random.Generator, rows: int, each: int = 100) -> Float64Arr
 
 
 def motor(current_A: Float64Array, torque: Callable[[float], float] = lambda current: GAIN * current) -> Float64Array:
-    """Speeds (n,) of a motor of another hand: Euler's method at 62 us, and a wheel that sticks at 0."""
+    """Speeds (n,) of an independent motor: Euler's method at 62 us, and a wheel that sticks at 0."""
     step, speed, found = 1.0 / (RATE_HZ * FINER), 0.0, np.empty(current_A.size)
     for i, drive in enumerate(map(torque, current_A.tolist())):
         found[i] = speed
@@ -57,10 +57,10 @@ def test_a_sensors_noise_is_no_law_of_the_current(seed: int) -> None:
     """Of .4 % of the current: healthy motors had a gain by the size of the current, of -16 to +18 % at .98."""
     rng = np.random.default_rng(seed)
     current_A = plateaus(rng, 8000)
-    told = rw_ekf.diagnose(log_of(current_A, motor(current_A), rng, noise_A=0.004))
-    assert told.verdict["kind"] == "adequate", told.verdict["statement"]
-    assert any("noise of its own" in text for text in told.document()["warnings"])
-    gain = told.document()["parameters"]["before"]["motor_gain"]
+    reported = rw_ekf.diagnose(log_of(current_A, motor(current_A), rng, noise_A=0.004))
+    assert reported.verdict["kind"] == "adequate", reported.verdict["statement"]
+    assert any("noise of its own" in text for text in reported.document()["warnings"])
+    gain = reported.document()["parameters"]["before"]["motor_gain"]
     assert gain["value"] == pytest.approx(GAIN, abs=4.0 * gain["std"])
 
 
@@ -70,9 +70,9 @@ def test_a_law_of_the_current_is_found_through_its_noise() -> None:
     rng = np.random.default_rng(3)
     current_A = plateaus(rng, 8000) * np.repeat(rng.uniform(0.4, 1.0, 80), 100)
     saturated = motor(current_A, lambda current: GAIN * current * (1.0 - 0.12 * current * current))
-    told = rw_ekf.diagnose(log_of(current_A, saturated, rng, noise_A=0.004))
-    assert told.verdict["effects"] in (["motor_saturation"], ["learned_law"]), told.verdict["statement"]
-    document = told.document()
+    reported = rw_ekf.diagnose(log_of(current_A, saturated, rng, noise_A=0.004))
+    assert reported.verdict["effects"] in (["motor_saturation"], ["learned_law"]), reported.verdict["statement"]
+    document = reported.document()
     assert document["after"]["free_run_rms_rpm"] < 0.2 * document["before"]["free_run_rms_rpm"]
 
 
@@ -88,10 +88,10 @@ def test_a_model_knows_what_a_filter_meets_that_reads_the_noise() -> None:
         log_of(current_A, motor(current_A, lambda current: GAIN * current - 6.0), rng, noise_A=0.004)
         for current_A in currents_A
     ]
-    told = rw_ekf.diagnose(logs[0])
-    assert told.verdict["effects"] == ["offset_torque"], told.verdict["statement"]
-    assert told.model is not None
-    (replayed,) = rw_ekf.replay(logs[1], model=told.model).document()["logs"]
+    reported = rw_ekf.diagnose(logs[0])
+    assert reported.verdict["effects"] == ["offset_torque"], reported.verdict["statement"]
+    assert reported.model is not None
+    (replayed,) = rw_ekf.replay(logs[1], model=reported.model).document()["logs"]
     assert replayed["innovation"]["nis_mean"] == pytest.approx(1.0, abs=0.05)
 
 
@@ -105,9 +105,9 @@ def test_a_torque_is_as_uncertain_as_the_levels_that_it_is_told_beside(seed: int
     rng = np.random.default_rng(seed)
     current_A = plateaus(rng, 8000)
     log = log_of(current_A, motor(current_A, lambda current: GAIN * current - 6.0), rng, noise_A=0.004)
-    told = rw_ekf.diagnose(log).verdict
-    assert told["effects"] == ["offset_torque"], told["statement"]
-    ((share, std),) = re.findall(r"constant torque of ([\d.]+) \+- ([\d.]+) % of Coulomb", told["statement"])
+    reported = rw_ekf.diagnose(log).verdict
+    assert reported["effects"] == ["offset_torque"], reported["statement"]
+    ((share, std),) = re.findall(r"constant torque of ([\d.]+) \+- ([\d.]+) % of Coulomb", reported["statement"])
     assert float(share) == pytest.approx(20.0, abs=4.0 * float(std))
     assert float(std) < 0.15
 

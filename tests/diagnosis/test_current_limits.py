@@ -61,7 +61,7 @@ def test_the_sensors_noise_moves_what_does_not_stand_at_a_limit() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_healthy_wheel_under_a_measured_loop_is_adequate(seed: int) -> None:
     """Nothing is named of a wheel that a controller drives into its limits; its gain is within four of its sigmas."""
-    told = rw_ekf.diagnose(measured(seed))
-    assert told.verdict["kind"] == "adequate", told.verdict["statement"]
-    gain = told.document()["parameters"]["before"]["motor_gain"]
+    reported = rw_ekf.diagnose(measured(seed))
+    assert reported.verdict["kind"] == "adequate", reported.verdict["statement"]
+    gain = reported.document()["parameters"]["before"]["motor_gain"]
     assert gain["value"] == pytest.approx(15.2, abs=4.0 * gain["std"])

@@ -82,17 +82,17 @@ def test_parts_dispute_what_a_test_of_two_fits_would_dispute() -> None:
     half = np.arange(400) < 150
     seen = 0.2 * column + np.where(half, 0.3 * column, 0.0) + 0.5 * other + 0.1 * rng.standard_normal(400)
     found = 0.31
-    sizes, sigmas, said = [], [], []
+    sizes, sigmas, stated = [], [], []
     for rows in (half, ~half):
         both = np.column_stack((column, other))[rows]
         covariance = np.linalg.inv(both.T @ both)
         sizes.append(float((covariance @ both.T @ seen[rows])[0]))
         sigmas.append(float(covariance[0, 0]))
         left = (seen - found * column)[rows]
-        said.append(
+        stated.append(
             _score_and_information(left, column[rows, None], other[rows, None], np.zeros((0, 1)), np.array([found]))
         )
-    (u, J), (v, K) = said
+    (u, J), (v, K) = stated
     disputed = _chi_square(u, J) + _chi_square(v, K) - _chi_square(u + v, J + K)
     assert disputed == pytest.approx((sizes[0] - sizes[1]) ** 2 / sum(sigmas), rel=1.0e-9)
     assert _chi_square(np.zeros(1), np.zeros((1, 1))) == 0.0
@@ -137,11 +137,11 @@ def test_an_event_is_fitted_beside_other_laws_as_long_as_there_is_room(monkeypat
     effect = "drag_spike:amplitude_rad_s2=0.3,onset_s=150,decay_s=4"
     _, fit = believed(effect, 4.0)
     facts = prepared_with(effect).facts
-    asked: list[Fit] = []
+    wanted: list[Fit] = []
 
     def as_it_was(less: Fit, *_: object) -> Fit:
-        asked.append(less)
-        if len(asked) == 3:
+        wanted.append(less)
+        if len(wanted) == 3:
             monkeypatch.setattr(spent, "has", lambda _: False)
         return fit
 
@@ -150,5 +150,5 @@ def test_an_event_is_fitted_beside_other_laws_as_long_as_there_is_room(monkeypat
     monkeypatch.setattr(event, "_others", lambda model, _: [model] * 5)
     monkeypatch.setattr(event, "fitted_event", as_it_was)
     assert event.with_other_laws(fit, SPIKE.id, facts).model.of(SPIKE.id)
-    assert len(asked) == 3
+    assert len(wanted) == 3
     assert spent.left_out == ["drag_spike beside the model"]

@@ -25,7 +25,7 @@ def found_in(name: str, seed: int) -> Noises:
 @pytest.mark.parametrize("seed", [41, 42, 43])
 def test_a_healthy_wheel_has_noise_as_it_should_be(seed: int) -> None:
     """No window of speed, current or direction, no tails, no torque."""
-    assert found_in("healthy", seed).told == ()
+    assert found_in("healthy", seed).reported == ()
 
 
 @pytest.mark.parametrize("seed", [41, 42])

@@ -1,4 +1,4 @@
-"""A machine of another hand that leaves no noise whatever is added: what is told of it, and how far that carries."""
+"""An independent machine that leaves no noise whatever is added: what is told of it, and how far that carries."""
 
 from __future__ import annotations
 
@@ -114,10 +114,10 @@ def test_what_was_refused_and_foretells_more_is_described_and_named_as_no_cause(
     prepared = prepare(source_of([machine(1, 20.0)]), None, None, "blocks")
     found = as_it_foretells(with_laws(investigated(prepared, quiet), quiet), quiet)
     assert found.new_ids
-    told = conclude(replace(found, described=True), quiet)
-    document = told.document()
+    reported = conclude(replace(found, described=True), quiet)
+    document = reported.document()
     assert document["verdict"]["kind"] == "unexplained"
     assert document["verdict"]["effects"] == []
     assert "as a description, and as no cause" in document["verdict"]["statement"]
-    assert told.model is not None
+    assert reported.model is not None
     assert document["after"]["free_run_rms_rpm"] < 0.8 * document["before"]["free_run_rms_rpm"]

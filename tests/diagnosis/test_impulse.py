@@ -19,7 +19,7 @@ Knocks = dict[int, float]  # [rad/s] at the begin of an interval
 
 
 def wheel(current_A: Float64Array, knocks: Knocks) -> Float64Array:
-    """Speeds (n,) of a wheel of another hand: Euler's method at 2 ms; it sticks at 0."""
+    """Speeds (n,) of an independent wheel: Euler's method at 2 ms; it sticks at 0."""
     step, speed, found = PERIOD_S / FINER, 0.0, np.empty(current_A.size)
     for i, current in enumerate(current_A.tolist()):
         found[i] = speed
@@ -49,11 +49,11 @@ def diagnosed(current_A: Float64Array, speed_rad_s: Float64Array, seed: int) -> 
     return rw_ekf.diagnose(rw_ekf.read({"time_s": time_s, "speed_rad_s": speed_rad_s + noise, "current_A": current_A}))
 
 
-def jumps(told: rw_ekf.Diagnosis) -> list[tuple[float, float, float, float]]:
+def jumps(reported: rw_ekf.Diagnosis) -> list[tuple[float, float, float, float]]:
     """Time [s] and by how much the speed changed [rpm] of each, with their standard deviations."""
-    assert told.model is not None
+    assert reported.model is not None
     found = []
-    for term in told.model.effects.terms:
+    for term in reported.model.effects.terms:
         assert term.id == "spell"
         assert term.law is not None
         assert term.law.acts_as == "torque"
@@ -68,11 +68,11 @@ def jumps(told: rw_ekf.Diagnosis) -> list[tuple[float, float, float, float]]:
 def test_a_knock_is_told_with_its_time_and_what_it_did_to_the_speed(seed: int, knock_rpm: float) -> None:
     """It was a drag that jumps up by 15 +- 7 % and decays in 2 s, or viscous friction that is another for a second."""
     current_A = currents(seed)
-    told = diagnosed(current_A, wheel(current_A, {3100: knock_rpm * RPM}), seed)
-    assert told.document()["verdict"]["effects"] == ["spell"]
-    assert f"the speed {'rises' if knock_rpm > 0.0 else 'falls'} by" in told.document()["verdict"]["statement"]
-    assert "may also be" not in told.document()["verdict"]["statement"]
-    ((at_s, at_std_s, by_rpm, by_std_rpm),) = jumps(told)
+    reported = diagnosed(current_A, wheel(current_A, {3100: knock_rpm * RPM}), seed)
+    assert reported.document()["verdict"]["effects"] == ["spell"]
+    assert f"the speed {'rises' if knock_rpm > 0.0 else 'falls'} by" in reported.document()["verdict"]["statement"]
+    assert "may also be" not in reported.document()["verdict"]["statement"]
+    ((at_s, at_std_s, by_rpm, by_std_rpm),) = jumps(reported)
     assert abs(at_s - 310.05) < max(4.0 * at_std_s, PERIOD_S)
     assert abs(by_rpm - knock_rpm) < 3.5 * by_std_rpm < 0.3 * abs(knock_rpm) + 1.0
 
@@ -86,9 +86,9 @@ def test_commands_that_were_not_taken_are_each_found(seed: int) -> None:
     taken = current_A.copy()
     at = [i for i in sorted(rng.permutation(np.arange(300, 5900, 400)).tolist()) if abs(current_A[i]) > 0.15][:6]
     taken[at] = 0.0
-    told = diagnosed(current_A, wheel(taken, {}), seed)
-    assert told.document()["verdict"]["effects"] == ["spell"]
-    found = jumps(told)
+    reported = diagnosed(current_A, wheel(taken, {}), seed)
+    assert reported.document()["verdict"]["effects"] == ["spell"]
+    found = jumps(reported)
     assert len(found) == len(at)
     for i, (at_s, _, by_rpm, by_std_rpm) in zip(at, found, strict=True):
         assert PERIOD_S * i - 0.3 < at_s < PERIOD_S * i + 0.4
@@ -102,10 +102,10 @@ def test_what_takes_its_time_is_no_knock(seed: int) -> None:
     current_A = currents(seed)
     pulled = current_A.copy()
     pulled[3000:3080] -= 0.15 * 0.58 / 15.2
-    told = diagnosed(current_A, wheel(pulled, {}), seed)
-    assert told.document()["verdict"]["effects"] == ["spell"]
-    assert "at once" not in told.document()["verdict"]["statement"]
-    parameters = next(item for item in told.document()["candidates"] if item["effect"] == "spell")["parameters"]
+    reported = diagnosed(current_A, wheel(pulled, {}), seed)
+    assert reported.document()["verdict"]["effects"] == ["spell"]
+    assert "at once" not in reported.document()["verdict"]["statement"]
+    parameters = next(item for item in reported.document()["candidates"] if item["effect"] == "spell")["parameters"]
     begins, ends = parameters["begins_at"], parameters["ends_at"]
     assert abs(begins["value"] - 300.0) < 4.0 * begins["std"] + 0.5
     assert abs(ends["value"] - 308.0) < 4.0 * ends["std"] + 0.5

@@ -12,7 +12,7 @@ import pytest
 
 import rw_ekf
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.investigate.late_rows import read_earlier, said_of_late_rows
+from rw_ekf.diagnosis.investigate.late_rows import read_earlier, sentence_about_late_rows
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.log_simulation import simulate
@@ -39,8 +39,8 @@ def test_what_a_logger_has_just_done_is_told_and_read(tmp_path: Path) -> None:
     columns.write_text(MAP)
     as_it_stands = rw_ekf.diagnose(replace(log, current_A=just_done))
     assert "`current_before: true`" in as_it_stands.verdict["statement"]
-    told = rw_ekf.diagnose(rw_ekf.read(path, columns=columns))
-    assert told.verdict["kind"] == "adequate", told.verdict["statement"]
+    reported = rw_ekf.diagnose(rw_ekf.read(path, columns=columns))
+    assert reported.verdict["kind"] == "adequate", reported.verdict["statement"]
 
 
 @pytest.mark.parametrize("effects", [[], ["transport_delay"], ["actuator_lag"], ["viscous_temperature"]])
@@ -57,8 +57,8 @@ def test_one_that_is_a_row_late_gains_much() -> None:
     assert gained(replace(log, current_A=np.append(log.current_A[:1], log.current_A[:-1]))) > 50.0
 
 
-@pytest.mark.parametrize(("numbers", "told"), [(1, False), (9, True)])
-def test_what_was_found_pays_for_its_numbers(numbers: int, told: bool) -> None:
+@pytest.mark.parametrize(("numbers", "reported"), [(1, False), (9, True)])
+def test_what_was_found_pays_for_its_numbers(numbers: int, reported: bool) -> None:
     """A likelihood that is larger by 20 than that of the other reading: a law's single number is, nine are not."""
     log = simulate("P2", seed=4, duration_s=300.0)
     prepared = prepare(source_of([replace(log, current_A=np.append(log.current_A[:1], log.current_A[:-1]))]),
@@ -67,7 +67,7 @@ def test_what_was_found_pays_for_its_numbers(numbers: int, told: bool) -> None:
         likelihood=SimpleNamespace(value=read_earlier(prepared).likelihood.value + 20.0),
         model=SimpleNamespace(vector=np.zeros(prepared.base.model.vector.size + numbers)),
     )
-    assert bool(said_of_late_rows(cast("Found", SimpleNamespace(prepared=prepared, fit=fit)))) is told
+    assert bool(sentence_about_late_rows(cast("Found", SimpleNamespace(prepared=prepared, fit=fit)))) is reported
 
 
 def test_one_whose_readings_are_means_over_the_row_gains_by_half_a_row() -> None:

@@ -59,10 +59,10 @@ def test_a_law_without_a_formula_is_found_and_predicts_the_next_log(name: str, q
     found = parameters_of(diagnosis, "learned_law")
     assert (found["quantity"]["value"], found["kind"]["value"]) == (quantity, kind)
     assert len(found["knots"]["value"]) == len(found["values"]["value"]) == len(found["std"]["value"])
-    told = judged(Nameless(name, 11), diagnosis)
-    assert told.after_rpm < 1.2 * told.noise_rpm < 0.9 * told.before_rpm
-    assert told.covered is not None
-    assert told.covered > 0.8
+    reported = judged(Nameless(name, 11), diagnosis)
+    assert reported.after_rpm < 1.2 * reported.noise_rpm < 0.9 * reported.before_rpm
+    assert reported.covered is not None
+    assert reported.covered > 0.8
 
 
 def test_a_bridge_of_two_halves_is_a_torque_by_the_size_of_the_current() -> None:
@@ -70,9 +70,9 @@ def test_a_bridge_of_two_halves_is_a_torque_by_the_size_of_the_current() -> None
     case = Nameless("current, halves", 12)
     diagnosis = diagnose_log(case.log())
     assert diagnosis.verdict["effects"] == ["learned_law"], diagnosis.verdict["statement"]
-    told = judged(case, diagnosis)
-    assert told.what == "torque over current_size"
-    assert told.after_rpm < 1.2 * told.noise_rpm < 0.2 * told.before_rpm
+    reported = judged(case, diagnosis)
+    assert reported.what == "torque over current_size"
+    assert reported.after_rpm < 1.2 * reported.noise_rpm < 0.2 * reported.before_rpm
 
 
 def test_something_that_begins_is_told_with_its_time_and_holds_in_the_next_log() -> None:
@@ -181,6 +181,6 @@ def test_friction_that_grows_with_speed_is_no_break_away_below_coulomb_friction(
     """Another Stribeck curve would do, were a wheel easier to start than to keep going: that is refused."""
     document = diagnose_log(Nameless("friction grows early", seed).log()).document()
     assert "stribeck_shape" not in document["verdict"]["effects"]
-    asked = [check for row in document["ledger"] for check in row["checks"] if "break-away" in check["check"]]
-    assert all(check["value"] > 10.0 and not check["passed"] for check in asked)
-    assert asked or document["verdict"]["effects"] == ["learned_law"]
+    wanted = [check for row in document["ledger"] for check in row["checks"] if "break-away" in check["check"]]
+    assert all(check["value"] > 10.0 and not check["passed"] for check in wanted)
+    assert wanted or document["verdict"]["effects"] == ["learned_law"]

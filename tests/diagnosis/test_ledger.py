@@ -100,9 +100,9 @@ def test_a_row_that_is_refused_for_the_size_of_something_else_is_no_rival() -> N
     row, selection = ledger.row(fits[0]), Selection(record().base, record().base)
 
     def rivals(reason: Reason, effect: str) -> list[str]:
-        asked = ledger.with_checks(fits[1], Check("size", effect, 0.0, 0.0, Decision(reason)))
+        wanted = ledger.with_checks(fits[1], Check("size", effect, 0.0, 0.0, Decision(reason)))
         likelier = replace(row, log_evidence=ledger.row(fits[1]).log_evidence)
-        found = choice._with_rivals(asked, likelier, selection).rivals
+        found = choice._with_rivals(wanted, likelier, selection).rivals
         return [rival.name for rival in found.get("quadratic_drag", ())]
 
     assert rivals(Reason.NOT_CONFIRMED, "offset_torque") == ["cubic_drag"]
@@ -122,10 +122,10 @@ def test_the_row_that_stands_has_passed_every_check_and_says_so() -> None:
     ledger, selection = chosen(record(), search(), *full())
     assert set(selection.new_ids) == {"quadratic_drag", "offset_torque"}
     row = next(item for item in ledger.document(selection.final) if item["stands"])
-    asked = [(check["effect"], check["check"]) for check in row["checks"]]
+    wanted = [(check["effect"], check["check"]) for check in row["checks"]]
     assert all(check["passed"] for check in row["checks"])
-    assert len(asked) == len(set(asked)) == 12
-    assert [name for _, name in asked][-2:] == ["held-out figures"] * 2
+    assert len(wanted) == len(set(wanted)) == 12
+    assert [name for _, name in wanted][-2:] == ["held-out figures"] * 2
 
 
 def test_of_a_row_that_fails_what_is_left_may_stand(monkeypatch: pytest.MonkeyPatch) -> None:

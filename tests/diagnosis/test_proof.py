@@ -62,9 +62,9 @@ def paired() -> Case:
 @pytest.mark.parametrize("name", REDUCED)
 def test_what_nobody_declared_is_named(name: str) -> None:
     """The plant's effect, or its absence, or that it is in no catalogue, comes back from the log alone."""
-    record = prove(case_called(name, SEED), Job(told=False))
+    record = prove(case_called(name, SEED), Job(reported=False))
     assert record.error is None, record.error
-    assert record.outcome == "right", f"{record.case}: {proof_tables.said(record)}: {record.statement}"
+    assert record.outcome == "right", f"{record.case}: {proof_tables.stated(record)}: {record.statement}"
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_tables_count_every_record_once(delayed: Case) -> None:
     facts = {"detectable": True, "table_ratio": 2.0, "excess_chi_square": 100.0}
     metrics = {"free_run_rms_rpm": 1.02}
     documents = ({"verdict": named, "after": metrics}, {"verdict": verdict("adequate")})
-    records = [record_of(delayed, document, 1.0, told_free_run_rpm=1.0, **facts) for document in documents]
+    records = [record_of(delayed, document, 1.0, reported_free_run_rpm=1.0, **facts) for document in documents]
     heading, (row,) = proof_tables.confusion_table(records)
     counts = dict(zip(heading, row, strict=True))
     assert counts["logs"] == "2"

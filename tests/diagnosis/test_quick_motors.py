@@ -35,8 +35,8 @@ def test_seconds_of_a_quick_motor_are_judged(seed: int) -> None:
     time_s = np.arange(250) / 100.0
     drive = np.repeat(rng.uniform(-1.0, 1.0, 13), 20)[:250]
     speed = speeds(time_s, drive) + 0.05 * rng.standard_normal(250)
-    told = rw_ekf.diagnose(rw_ekf.read({"time_s": time_s, "speed_rad_s": speed, "current_A": drive}))
-    assert told.document()["verdict"]["kind"] == "adequate"
+    reported = rw_ekf.diagnose(rw_ekf.read({"time_s": time_s, "speed_rad_s": speed, "current_A": drive}))
+    assert reported.document()["verdict"]["kind"] == "adequate"
 
 
 def test_runs_with_pauses_and_stamps_that_jitter_show_a_late_command() -> None:
@@ -57,11 +57,11 @@ def test_runs_with_pauses_and_stamps_that_jitter_show_a_late_command() -> None:
     columns = {
         "time_s": np.concatenate(times), "speed_rad_s": np.concatenate(readings), "current_A": np.concatenate(drives)
     }  # fmt: skip
-    told = rw_ekf.diagnose(rw_ekf.read(columns))
-    document = told.document()
+    reported = rw_ekf.diagnose(rw_ekf.read(columns))
+    document = reported.document()
     assert document["verdict"]["effects"] == ["transport_delay"]
     found = next(item for item in document["candidates"] if item["effect"] == "transport_delay")["parameters"]
     delay = found["delay_s"] if "delay_s" in found else next(iter(found.values()))
     assert abs(delay["value"] - 0.02) < 4.0 * delay["std"] + 0.002
-    assert told.model is not None
-    assert told.model.parameters.motor_gain == pytest.approx(GAIN, rel=0.05)
+    assert reported.model is not None
+    assert reported.model.parameters.motor_gain == pytest.approx(GAIN, rel=0.05)

@@ -32,8 +32,8 @@ def test_probabilities_that_hold_have_no_calibration_error_and_ones_too_sure_hav
 
 def test_a_statement_is_judged_by_what_the_wheel_was_given() -> None:
     """An effect, nothing, and something of no catalogue are each true of their own wheels alone."""
-    said = {"offset_torque": 0.6, "none": 0.3, "something_else": 0.1}
-    offset, healthy, outside = record(0, said), record(0, said, "healthy"), record(0, said, "outside")
+    remarked = {"offset_torque": 0.6, "none": 0.3, "something_else": 0.1}
+    offset, healthy, outside = record(0, remarked), record(0, remarked, "healthy"), record(0, remarked, "outside")
     assert offset.expected == ["offset_torque"]
     assert [item.true for item in statements(offset)] == [True, False, False]
     assert [item.true for item in statements(healthy)] == [False, True, False]

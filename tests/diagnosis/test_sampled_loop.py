@@ -10,7 +10,7 @@ import pytest
 
 import rw_ekf
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.investigate.sampled_loop import answer_of, between_rows, said_of_sampled_loop
+from rw_ekf.diagnosis.investigate.sampled_loop import answer_of, between_rows, stated_of_sampled_loop
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.log_simulation import simulate
@@ -26,29 +26,29 @@ def thinned(seed: int, *, mean: bool = False) -> rw_ekf.Log:
     return log_of(time_s[::EACH], reading[::EACH], taken, "current_command_A")
 
 
-def said(log: rw_ekf.Log) -> str:
+def stated(log: rw_ekf.Log) -> str:
     """What is said of it before anything is searched."""
     prepared: Prepared = prepare(source_of([log]), None, None, "blocks")
-    return said_of_sampled_loop(cast("Found", SimpleNamespace(prepared=prepared)))
+    return stated_of_sampled_loop(cast("Found", SimpleNamespace(prepared=prepared)))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_current_of_a_moment_is_told(seed: int) -> None:
     """With by how much it answers a reading, .12 A per rad/s."""
-    assert "by 0.12 A per rad/s" in said(thinned(seed))
+    assert "by 0.12 A per rad/s" in stated(thinned(seed))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_mean_of_the_current_is_not(seed: int) -> None:
     """Of the same loops, as the sentence advises: nothing is said."""
-    assert said(thinned(seed, mean=True)) == ""
+    assert stated(thinned(seed, mean=True)) == ""
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_controller_in_step_with_its_log_is_not(seed: int) -> None:
     """Its current answers each reading as much, and the wheel feels it."""
     time_s, reading, current_A = regulated(seed, limit_A=0.4)
-    assert said(log_of(time_s, reading, current_A, "current_command_A")) == ""
+    assert stated(log_of(time_s, reading, current_A, "current_command_A")) == ""
 
 
 @pytest.mark.parametrize("effects", [[], ["transport_delay"], ["viscous_temperature"]])
@@ -72,7 +72,7 @@ def test_how_a_current_answers_is_told_where_it_moves_freely() -> None:
 @pytest.mark.slow
 def test_a_diagnosis_says_it_first_and_its_advice_mends_the_log() -> None:
     """Viscous friction and laws of the current came of it; the mean current of the same loop is adequate."""
-    told = rw_ekf.diagnose(thinned(1)).verdict
-    assert told["statement"].startswith("The log's current seems to be that of a moment")
-    assert told["kind"] != "adequate"
+    reported = rw_ekf.diagnose(thinned(1)).verdict
+    assert reported["statement"].startswith("The log's current seems to be that of a moment")
+    assert reported["kind"] != "adequate"
     assert rw_ekf.diagnose(thinned(1, mean=True)).verdict["kind"] == "adequate"

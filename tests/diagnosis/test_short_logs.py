@@ -79,10 +79,10 @@ def test_a_change_in_a_record_of_seconds_is_one_and_is_told_to_hundredths(second
     current_A = np.repeat(rng.choice([-0.9, -0.3, 0.3, 0.9], size=rows // 100), 100)
     speed = turned(np.where(time_s < at_s, current_A, 0.8 * current_A), 0.0, 500.0)
     readings = speed + 0.1 * rng.standard_normal(rows)
-    told = rw_ekf.diagnose(rw_ekf.read({"time_s": time_s, "speed_rad_s": readings, "current_A": current_A}))
-    assert told.verdict["effects"] == ["change"], told.verdict["statement"]
+    reported = rw_ekf.diagnose(rw_ekf.read({"time_s": time_s, "speed_rad_s": readings, "current_A": current_A}))
+    assert reported.verdict["effects"] == ["change"], reported.verdict["statement"]
     (begun,) = re.findall(
-        r"From ([\d.]+) \+- ([\d.]+) s on the motor gain changes by (-[\d.]+)", told.verdict["statement"]
+        r"From ([\d.]+) \+- ([\d.]+) s on the motor gain changes by (-[\d.]+)", reported.verdict["statement"]
     )
     assert float(begun[0]) == pytest.approx(at_s, abs=max(4.0 * float(begun[1]), 0.01))
     assert float(begun[2]) == pytest.approx(-20.0, abs=0.5)

@@ -18,7 +18,7 @@ from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.model.effect import Term
 from tests.diagnosis.simulated import log_of, simulated
-from tools.measure.effect_coverage import drawn, told
+from tools.measure.effect_coverage import drawn, reported
 from tools.proof.plants import log_of as log_of_case
 
 BRISTLE, SPIKE = CATALOGUE["presliding_hysteresis"], CATALOGUE["drag_spike"]
@@ -43,15 +43,15 @@ def fit_from(prepared: Prepared, deflection_rad: float, damping: float, turns: i
 def test_a_bristle_leaves_a_wrong_valley_for_the_deepest() -> None:
     """A fit that was stopped at a fifth of the deflection and of the damping ends at the plant's, within 4 sigma."""
     prepared = prepared_with_bristle()
-    astray = fit_from(prepared, 0.2 * DEFLECTION_RAD, 0.2 * DAMPING, turns=1)
+    misled = fit_from(prepared, 0.2 * DEFLECTION_RAD, 0.2 * DAMPING, turns=1)
     trial = Trial(BRISTLE, 0.0, 1.0, 0.0, 0.0, 0.0)
-    begun = Selection(prepared.base, astray, trials={BRISTLE.id: trial})
+    begun = Selection(prepared.base, misled, trials={BRISTLE.id: trial})
     selection = in_deepest_valleys(begun, prepared.facts)
     found = selection.final.terms_of(BRISTLE.id)[0]
-    assert selection.final.likelihood.value > astray.likelihood.value + 10.0
+    assert selection.final.likelihood.value > misled.likelihood.value + 10.0
     assert abs(found.term.values[0] - DEFLECTION_RAD) < 4.0 * float(found.covariance[0, 0]) ** 0.5
     assert abs(found.term.shape[0] - DAMPING) < 4.0 * found.shape_std["damping"]
-    gained = 2.0 * (selection.final.likelihood.value - astray.without(BRISTLE.id).likelihood.value)
+    gained = 2.0 * (selection.final.likelihood.value - misled.without(BRISTLE.id).likelihood.value)
     assert selection.trials[BRISTLE.id].statistic == pytest.approx(gained, abs=1.0)
 
 
@@ -101,7 +101,7 @@ def test_an_onset_is_found_behind_a_reversal_and_as_open_as_two_places_are_apart
     what = drawn("drag_spike", seed)
     document = diagnose_log(log_of_case(what.case)).document()
     entry = next(item for item in document["candidates"] if item["effect"] == "drag_spike")
-    found = told({"found": entry["parameters"], "truth": what.truth})
+    found = reported({"found": entry["parameters"], "truth": what.truth})
     assert least_std_s < found["onset_s"][1] < most_std_s
     for number in ("onset_s", "amplitude_rad_s2", "decay_s"):
         value, std, truth = found[number]

@@ -33,8 +33,8 @@ def test_the_lag_is_found_with_what_goes_by_it(late: Diagnosis) -> None:
     assert sorted(late.verdict["effects"]) == sorted(SLOPES)
     found = {entry["effect"]: entry["parameters"] for entry in late.document()["candidates"]}
     for name, slope in SLOPES.items():
-        told, lag = found[name]["slope_1_K"], found[name]["temperature_lag_s"]
-        assert abs(told["value"] - slope) < 3.0 * told["std"] < 0.3 * abs(slope)
+        reported, lag = found[name]["slope_1_K"], found[name]["temperature_lag_s"]
+        assert abs(reported["value"] - slope) < 3.0 * reported["std"] < 0.3 * abs(slope)
         assert abs(lag["value"] - LAG_S) < 3.0 * lag["std"] < 0.3 * LAG_S
     assert "follows the log's with a lag of" in late.verdict["statement"]
 

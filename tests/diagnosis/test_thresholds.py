@@ -9,7 +9,7 @@ from pathlib import Path
 from rw_ekf.diagnosis import thresholds
 from rw_ekf.diagnosis.thresholds import TABLE
 from tests.live.bench import ROOT
-from tools.measure.thresholds import Moved, compared, other_value, told_of
+from tools.measure.thresholds import Moved, compared, other_value, sentence_about
 
 
 def test_every_number_of_the_module_is_in_the_table_and_the_other_way_round() -> None:
@@ -31,8 +31,8 @@ def test_nothing_stands_in_the_table_that_nothing_depends_on() -> None:
 def test_the_page_has_each_with_its_value() -> None:
     """docs/thresholds.md, as the tool writes it."""
     page = (Path(ROOT) / "docs" / "thresholds.md").read_text(encoding="utf-8")
-    told = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", page, re.MULTILINE))
-    assert told == {name: f"{row.value:.3g}" for name, row in TABLE.items()}
+    reported = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", page, re.MULTILINE))
+    assert reported == {name: f"{row.value:.3g}" for name, row in TABLE.items()}
 
 
 def test_a_third_less_of_a_count_is_one_less_and_of_a_p_value_its_exponent() -> None:
@@ -50,4 +50,4 @@ def test_logs_are_told_that_end_otherwise() -> None:
     found = {"a": (False, ("adequate",)), "b": (True, ("effect", "x")), "c": (True, ("effect", "z"))}
     moved = compared(usual, found, 1.0)
     assert moved == Moved(1.0, 2, ["a"], ["b"], ["c"])
-    assert told_of(moved._asdict()) == "-1 +1, 1 renamed"
+    assert sentence_about(moved._asdict()) == "-1 +1, 1 renamed"

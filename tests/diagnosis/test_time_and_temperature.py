@@ -23,9 +23,9 @@ def test_a_coulomb_friction_that_is_exponential_needs_no_drift() -> None:
     """By a half over 24 K: a straight line through it left a friction that settles, and told its slope wrong."""
     found = diagnosed(wheel_log(1, slopes={"coulomb_temperature": -0.03}))
     assert found.verdict["effects"] == ["coulomb_temperature"], found.verdict["statement"]
-    told = next(c for c in found.document()["candidates"] if c["effect"] == "coulomb_temperature")["parameters"]
-    assert told["law"]["value"] == "exponential"
-    assert abs(told["slope_1_K"]["value"] + 0.03) < 3.0 * told["slope_1_K"]["std"]
+    reported = next(c for c in found.document()["candidates"] if c["effect"] == "coulomb_temperature")["parameters"]
+    assert reported["law"]["value"] == "exponential"
+    assert abs(reported["slope_1_K"]["value"] + 0.03) < 3.0 * reported["slope_1_K"]["std"]
 
 
 def test_a_periodic_torque_is_named_beside_a_temperature_that_only_rises() -> None:

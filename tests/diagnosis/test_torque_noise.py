@@ -81,8 +81,10 @@ def test_a_finding_in_words() -> None:
     """Where, how much larger, and in what unit; next to nothing elsewhere is no number of times."""
     rpm = RAD_S_PER_RPM
     some = NoiseFinding("speed", 50.0 * rpm, 70.0 * rpm, 0.24 * rpm, 0.1 * rpm, 2.0e-6)
-    said = "torque noise is 2.4 times larger between 50 and 70 rpm than elsewhere (p = 2e-06): structure may hide in it"
-    assert some.sentence(in_rpm=True) == said
+    stated = (
+        "torque noise is 2.4 times larger between 50 and 70 rpm than elsewhere (p = 2e-06): structure may hide in it"
+    )
+    assert some.sentence(in_rpm=True) == stated
     backward = NoiseFinding("direction", -1.0, -1.0, 0.24 * rpm, 0.001 * rpm, 2.0e-6)
     assert backward.times is None
     assert "by 0.24 rpm in a second where the wheel turns backward, and hardly elsewhere" in backward.sentence(

@@ -166,9 +166,9 @@ def test_of_many_torques_with_a_period_the_largest_are_told() -> None:
     terms = [replace(term, values=(size, 0.0)) for term, size in zip(found, sizes, strict=True)]
     fit = base.sketched(base.model.with_terms(*terms))
     facts = facts_of(fit.linearised.record.course, base, frozenset())
-    said = sentence_of(fit, "external_torque", facts)
-    assert said.count("A torque of") == 3
-    assert said.endswith("; and 2 smaller ones")
+    stated = sentence_of(fit, "external_torque", facts)
+    assert stated.count("A torque of") == 3
+    assert stated.endswith("; and 2 smaller ones")
 
 
 def test_of_a_ripple_without_a_logged_angle_the_phase_is_said_to_be_the_record_s() -> None:

@@ -47,7 +47,7 @@ def refused(prepared: Prepared, decisions: dict[str, Decision]) -> Found:
     """Nothing found, and these effects tried, each at its best place, with what became of them."""
     effects = [CATALOGUE[name] for name in decisions]
     scores: dict[str, Score] = Scorer(prepared.base).best_of_each(prepared.facts, effects)
-    trials = {name: replace(Trial.of(scores[name]), decision=said) for name, said in decisions.items()}
+    trials = {name: replace(Trial.of(scores[name]), decision=stated) for name, stated in decisions.items()}
     return mapped(prepared, Selection(prepared.base, prepared.base, trials), Ledger(prepared.base, prepared.facts))
 
 

@@ -61,8 +61,8 @@ def test_what_is_left_out_is_said_once() -> None:
     assert work.sentences() == []
     work.leave_out("rivals of torque_ripple")
     work.leave_out("rivals of torque_ripple")
-    (said,) = work.sentences()
-    assert said.count("rivals of torque_ripple") == 1
+    (stated,) = work.sentences()
+    assert stated.count("rivals of torque_ripple") == 1
 
 
 def test_an_ordinary_record_leaves_nothing_out(log: WheelLog) -> None:

@@ -97,24 +97,24 @@ def test_the_example_s_arduino_answers_what_its_map_asks(example: AsciiMap, tmp_
     """Requests as the driver writes them into the program; its replies as the driver reads them."""
     wheel = compiled(tmp_path, ARDUINO + block("cpp") + MAIN)
     codec, command = example.codec(), example.current_command
-    asked = [
+    wanted = [
         codec.request(0, example.speed_register.id, b""),
         codec.request(0, command.id, encode_register(command, {"current_command": -0.125})),
         codec.request(0, example.speed_register.id, b""),
         b"CUR=0.501\n",
     ]
-    said = subprocess.run([wheel], input=b"".join(asked), capture_output=True, check=True).stdout.splitlines(True)
-    assert said[0] == b"READY\r\n"
-    told = []
-    for line in (said[1], said[3]):
+    stated = subprocess.run([wheel], input=b"".join(wanted), capture_output=True, check=True).stdout.splitlines(True)
+    assert stated[0] == b"READY\r\n"
+    reported = []
+    for line in (stated[1], stated[3]):
         codec.request(7, example.speed_register.id, b"")
         (frame,) = codec.replies(line).frames
-        told.append(decode_register(example.speed_register, frame.data))
-    assert told[0]["speed"] == pytest.approx(-129.282, abs=0.01)
-    assert [values["current_command"] for values in told] == [0.0, -0.125]
-    assert told[1]["uptime"] > told[0]["uptime"] > 1.0
+        reported.append(decode_register(example.speed_register, frame.data))
+    assert reported[0]["speed"] == pytest.approx(-129.282, abs=0.01)
+    assert [values["current_command"] for values in reported] == [0.0, -0.125]
+    assert reported[1]["uptime"] > reported[0]["uptime"] > 1.0
     codec.request(8, command.id, encode_register(command, {"current_command": -0.125}))
-    assert [codec.replies(line).frames[0].data for line in (said[2], said[4])] == [b"\0", b"\3"]
+    assert [codec.replies(line).frames[0].data for line in (stated[2], stated[4])] == [b"\0", b"\3"]
 
 
 @pytest.mark.slow
@@ -122,11 +122,11 @@ def test_the_example_s_checksum_is_the_driver_s(tmp_path: Path) -> None:
     """Four lines of C++ against the codec: of what it says a line is read, and with a letter changed it is not."""
     main = '\nint main() { say("RPM=1234.5 CUR=0.100 MS=7"); say("A"); say("@@"); }\n'
     wheel = compiled(tmp_path, ARDUINO + block("cpp", 1) + main)
-    said = subprocess.run([wheel], capture_output=True, check=True).stdout
+    stated = subprocess.run([wheel], capture_output=True, check=True).stdout
     text = block("yaml").replace("name: my-wheel", "name: my-wheel\nframing: {checksum: xor}\nignored: [A, '@@']")
     (tmp_path / "checked.yaml").write_text(text, encoding="utf-8")
     codec = wire_map_of(str(tmp_path / "checked.yaml")).codec()
     codec.request(0, 128, b"")
-    decoded = codec.replies(said)
+    decoded = codec.replies(stated)
     assert (len(decoded.frames), decoded.damaged) == (1, 0)
-    assert codec.replies(said.replace(b"1234", b"1334")).damaged == 1
+    assert codec.replies(stated.replace(b"1234", b"1334")).damaged == 1

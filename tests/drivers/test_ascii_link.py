@@ -50,9 +50,9 @@ class Rig:
         spoken = protocol_named(name)
         assert isinstance(spoken, AsciiProtocol)
         plant = PlantRunner(PlantParameters(), PlantNoise(0.0), 1, PlantState(speed_rad_s=50.0), 0.01)
-        self.asked: list[int] = []
+        self.wanted: list[int] = []
         self.server = AsciiServer(
-            spoken.wire_map, plant, faults=FaultInjector(), watch=lambda frame: self.asked.append(frame.id)
+            spoken.wire_map, plant, faults=FaultInjector(), watch=lambda frame: self.wanted.append(frame.id)
         )
         self.clock = VirtualClock()
         self.spoken = VirtualCable(self.server, self.clock).carrying(spoken)
@@ -69,7 +69,7 @@ class Rig:
 
     def start_lines(self) -> list[int]:
         """The lines of the start that it has heard, by number."""
-        return [number - STARTUP_ID for number in self.asked if number >= STARTUP_ID]
+        return [number - STARTUP_ID for number in self.wanted if number >= STARTUP_ID]
 
 
 def bare(directory: Path, extra: str = "", framing: str = "terminator: crlf") -> str:
@@ -108,11 +108,11 @@ def test_a_current_beyond_the_map_s_range_is_never_sent() -> None:
     """Text carries any number: the map bounds it, and no number that is none goes out."""
     rig = Rig()
     wheel = rig.open()
-    before = len(rig.asked)
+    before = len(rig.wanted)
     for current_A in (3.01, -3.01, 1e9, math.inf, math.nan):
         with pytest.raises(DriverError):
             wheel.command_current(current_A)
-    assert len(rig.asked) == before
+    assert len(rig.wanted) == before
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,7 @@ def test_an_odrive_is_made_ready_before_its_first_torque_and_again_when_it_was_a
     assert rig.server.command_A == pytest.approx(0.01234)
     assert rig.start_lines() == [0, 1, 2]
     command = rig.server.wire_map.current_command.id
-    assert rig.asked.index(command) < rig.asked.index(STARTUP_ID)
+    assert rig.wanted.index(command) < rig.wanted.index(STARTUP_ID)
     assert wheel.read(1.0) is not None
     rig.server.restart()
     put_faults(rig.server, "silence")

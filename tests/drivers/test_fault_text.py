@@ -32,12 +32,12 @@ def test_every_kind_is_listed_as_it_can_be_written(word: str) -> None:
     """The list of faults is made of texts that parse to the defaults."""
     assert any(line.startswith(written(word) + "  ") for line in describe_faults())
     plain = word if word != "value" else "value:speed=nan"
-    told, left_out = (dataclasses.asdict(parse_fault(text)) | {"text": ""} for text in (written(word), plain))
-    assert repr(told) == repr(left_out)
+    reported, left_out = (dataclasses.asdict(parse_fault(text)) | {"text": ""} for text in (written(word), plain))
+    assert repr(reported) == repr(left_out)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("frezze@30s", "there is no fault 'frezze'; there are: drop, cut,"),
         ("drop:2", "'2' is not SHARE"),
@@ -57,11 +57,11 @@ def test_every_kind_is_listed_as_it_can_be_written(word: str) -> None:
         ("", "there is no fault ''"),
     ],
 )
-def test_a_wrong_word_is_named_in_one_sentence(text: str, said: str) -> None:
+def test_a_wrong_word_is_named_in_one_sentence(text: str, stated: str) -> None:
     """Each mistake says which word is wrong and what is known."""
     with pytest.raises(BadInputError) as error:
         parse_fault(text)
-    assert said in str(error.value)
+    assert stated in str(error.value)
     assert "\n" not in str(error.value)
 
 

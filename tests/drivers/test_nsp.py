@@ -43,11 +43,11 @@ def test_the_checksum_is_mcrf4xx_and_not_ccitt_false() -> None:
     assert crc16(b"123456789" + (0x6F91).to_bytes(2, "little")) == 0
 
 
-@pytest.mark.parametrize(("asked", "frame"), REQUESTS)
-def test_requests_are_the_published_frames(asked: tuple[int, int, bytes], frame: str) -> None:
+@pytest.mark.parametrize(("wanted", "frame"), REQUESTS)
+def test_requests_are_the_published_frames(wanted: tuple[int, int, bytes], frame: str) -> None:
     """Byte for byte; and the wheel's end reads out of them what was asked."""
-    assert NspCodec(WHEEL, OWN).request(*asked) == bytes.fromhex(frame)
-    assert NspCodec(WHEEL, OWN).requests(bytes.fromhex(frame)).frames == (Frame(*asked),)
+    assert NspCodec(WHEEL, OWN).request(*wanted) == bytes.fromhex(frame)
+    assert NspCodec(WHEEL, OWN).requests(bytes.fromhex(frame)).frames == (Frame(*wanted),)
 
 
 @pytest.mark.parametrize(
@@ -110,9 +110,9 @@ class Rig:
         spoken = protocol_named(name)
         assert isinstance(spoken, NspProtocol)
         plant = PlantRunner(PlantParameters(), PlantNoise(0.0), 1, PlantState(speed_rad_s=50.0), 0.01)
-        self.asked: list[int] = []
+        self.wanted: list[int] = []
         self.server = NspServer(
-            spoken.wire_map, plant, faults=FaultInjector(), watch=lambda frame: self.asked.append(frame.id)
+            spoken.wire_map, plant, faults=FaultInjector(), watch=lambda frame: self.wanted.append(frame.id)
         )
         self.clock = VirtualClock()
         self.spoken = VirtualCable(self.server, self.clock).carrying(spoken)
@@ -145,7 +145,7 @@ def test_a_wheel_in_its_boot_loader_is_started_and_known_by_its_program(rig: Rig
     assert wheel.identity is not None
     again = rig.open()
     assert again.identity == wheel.identity
-    assert rig.asked.count(INIT_ID) == 1  # a program that runs is not started again
+    assert rig.wanted.count(INIT_ID) == 1  # a program that runs is not started again
 
 
 def test_a_reset_that_nobody_asked_for_begins_a_segment(rig: Rig) -> None:
@@ -178,7 +178,7 @@ def test_a_file_that_the_wheel_does_not_have_does_not_restart_it(rig: Rig) -> No
     wheel = rig.open()
     samples = [wheel.read(1.0) for _ in range(8)]
     assert all(sample is not None and sample.temperature_degC is None for sample in samples)
-    assert rig.asked.count(INIT_ID) == 1
+    assert rig.wanted.count(INIT_ID) == 1
 
 
 def test_a_wheel_that_does_not_copy_b_is_not_misread(rig: Rig) -> None:
@@ -209,7 +209,7 @@ def test_a_wheel_that_cannot_be_started_is_an_error_that_says_so(rig: Rig) -> No
     )
     with pytest.raises(DriverError, match=r"refuses every read.*framing\.init_address"):
         rig.open()
-    assert 1 <= rig.asked.count(INIT_ID) <= 3  # once a second
+    assert 1 <= rig.wanted.count(INIT_ID) <= 3  # once a second
 
 
 @pytest.mark.parametrize("name", ["nsp-wheel-torque", "nsp-wheel-large"])

@@ -39,7 +39,7 @@ def test_a_bad_line_does_not_have_a_program_started_again() -> None:
         sample = wheel.read(0.09)
         rig.clock.sleep(0.05)
         segments |= set() if sample is None else {sample.segment}
-    assert rig.asked.count(INIT_ID) == 1
+    assert rig.wanted.count(INIT_ID) == 1
     assert segments == {0}
 
 
@@ -53,7 +53,7 @@ def test_files_that_the_wheel_does_not_have_do_not_have_it_started() -> None:
         rig.clock.sleep(0.09)
         assert sample is not None
         assert (sample.temperature_degC, sample.bus_voltage_V, sample.segment) == (None, None, 0)
-    assert rig.asked.count(INIT_ID) == 1
+    assert rig.wanted.count(INIT_ID) == 1
 
 
 def test_zeros_that_a_boot_loader_refuses_do_not_keep_it_there() -> None:
@@ -130,9 +130,9 @@ def test_a_float_carries_a_command_as_it_was_asked_for(tmp_path: Path, unit: str
     wheel = rig.open()
     numbers = random.Random(1)
     for _ in range(100):
-        asked_A = 10.0 ** numbers.uniform(-3.0, 1.778)
-        assert wheel.command_current(asked_A).current_A == pytest.approx(asked_A, rel=1e-6)
-        assert rig.server.command_A == pytest.approx(asked_A, rel=1e-6)
+        wanted_A = 10.0 ** numbers.uniform(-3.0, 1.778)
+        assert wheel.command_current(wanted_A).current_A == pytest.approx(wanted_A, rel=1e-6)
+        assert rig.server.command_A == pytest.approx(wanted_A, rel=1e-6)
 
 
 def edited(directory: Path, old: str, new: str) -> str:

@@ -171,16 +171,16 @@ def test_speed_factor_makes_time_pass_faster(wire_map: WireMap, served: Served, 
     """At factor 20 a quarter of a second here is five seconds for the wheel."""
     with served(wire_map, tmp_path / "wheel", speed_factor=20.0):
         wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, 0.2)
-        asked = time.monotonic()
+        wanted = time.monotonic()
         first, answered = wheel.read(1.0), time.monotonic()
         time.sleep(0.25)
-        asked_again = time.monotonic()
+        wanted_again = time.monotonic()
         second, answered_again = wheel.read(1.0), time.monotonic()
         wheel.close()
     assert first is not None
     assert second is not None
     passed = (second.time_s - first.time_s) / 20.0
-    assert asked_again - answered - 0.001 <= passed <= answered_again - asked + 0.001  # its clock counts milliseconds
+    assert wanted_again - answered - 0.001 <= passed <= answered_again - wanted + 0.001  # its clock counts milliseconds
 
 
 def test_it_costs_little(wire_map: WireMap, tmp_path: Path) -> None:

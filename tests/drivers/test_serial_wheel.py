@@ -118,11 +118,11 @@ def test_a_fault_costs_samples_and_is_counted_and_passes(fault: str, line: tuple
     assert wheel.read(1.0) is not None
     text, counter = FAULTS[fault]
     put_faults(server, text)
-    asked = wheel.link.requests
+    requested = wheel.link.requests
     assert wheel.read(1.0) is None
     issued = wheel.command_current(0.1)
     assert (issued.acknowledged, issued.reason) == (False, "timeout")
-    assert wheel.link.requests <= asked + 3  # one try each, and a look at what is in force: who retries is above
+    assert wheel.link.requests <= requested + 3  # one try each, and a look at what is in force: who retries is above
     assert getattr(wheel.link, counter) > 0
     put_faults(server)
     time.sleep(TIMEOUT_S)
@@ -331,11 +331,11 @@ def test_a_clock_too_coarse_for_a_sample_gives_it_no_time(
 def test_what_is_asked_beside_never_crowds_the_sample_out_for_good(line: tuple[SerialWheel, RegisterServer]) -> None:
     """Where a status read takes all of a tick's time that sample is lost, and no other: the wheel is never silent."""
     wheel, _ = line
-    original, asked = wheel._exchange, [""]
+    original, requested = wheel._exchange, [""]
 
     def crowded(register: Register, deadline_s: float) -> Exchange:
-        asked.append(register.name)
-        if register is wheel._main and asked[-2] in {"status", "identity"}:
+        requested.append(register.name)
+        if register is wheel._main and requested[-2] in {"status", "identity"}:
             return Exchange(None, 0.0, 0.0)
         return original(register, deadline_s)
 
@@ -343,7 +343,7 @@ def test_what_is_asked_beside_never_crowds_the_sample_out_for_good(line: tuple[S
     wheel._status_due_s = 0.0
     wheel.doubt_identity()
     assert [wheel.read(1.0) is not None for _ in range(6)] == [False, True, True, True, True, True]
-    assert asked.count("status") == 1
+    assert requested.count("status") == 1
 
 
 def test_what_the_status_flags_mean_stands_in_the_sample(line: tuple[SerialWheel, RegisterServer]) -> None:

@@ -100,17 +100,17 @@ def test_a_packet_behind_any_noise_is_read(noise: bytes, payload: bytes) -> None
 def test_requests_are_as_the_firmware_reads_them() -> None:
     """Written out from comm/commands.c: 0.1 A in mA, released, values by mask with the seq above it, the version."""
     codec = VescCodec(MASK)
-    for asked, payload in [
+    for wanted, payload in [
         ((9, 6, struct.pack(">i", 100)), "06 00 00 00 64"),
         ((9, 6, struct.pack(">i", -2000)), "06 ff ff f8 30"),
         ((9, 7, struct.pack(">i", 0)), "07 00 00 00 00"),
         ((9, VALUES_ID, b""), "32 09 00 c1 a1"),
         ((9, IDENTITY_ID, b""), "00"),
     ]:
-        request = codec.request(*asked)
+        request = codec.request(*wanted)
         assert request[2:-3] == bytes.fromhex(payload)
         (frame,) = VescCodec(MASK).requests(request).frames
-        assert frame[1:] == asked[1:]
+        assert frame[1:] == wanted[1:]
 
 
 def test_a_reply_is_read_as_the_firmware_writes_it() -> None:
@@ -121,10 +121,10 @@ def test_a_reply_is_read_as_the_firmware_writes_it() -> None:
     codec, register = VescCodec(MASK), protocol_named("vesc-wheel").wire_map.speed_register
     (frame,) = codec.replies(packed(bytes.fromhex("32 05 00 c1 a1") + data)).frames
     assert frame == Frame(5, VALUES_ID, data)
-    told = decode_register(register, frame.data)
-    assert told["speed"] == pytest.approx(6000.0 * RAD_S_PER_RPM)
-    assert (told["temperature"], told["current"], told["bus_voltage"]) == pytest.approx((34.5, -1.23, 24.1))
-    assert told["flags"] == 3 * 256 + 1
+    reported = decode_register(register, frame.data)
+    assert reported["speed"] == pytest.approx(6000.0 * RAD_S_PER_RPM)
+    assert (reported["temperature"], reported["current"], reported["bus_voltage"]) == pytest.approx((34.5, -1.23, 24.1))
+    assert reported["flags"] == 3 * 256 + 1
     assert codec.replies(packed(bytes.fromhex("32 05 00 c1 a0") + data)).frames[0].id < 0  # of another mask
     assert codec.replies(packed(b"\x15hello")).frames[0].id < 0  # a text that it prints
 
@@ -133,12 +133,12 @@ def test_who_answers_is_told_by_the_processors_number() -> None:
     """Version 6.05 of a VESC 6 and its 12 bytes; another name or setting is the same one, another number is not."""
     codec = VescCodec(MASK)
     tail = (bytes(range(12)), b"\0\0\0\0")
-    told = [
+    reported = [
         codec.replies(packed(b"\x00\x06\x05" + name + b"\0" + number + more)).frames[0].data
         for name, number, more in [(b"60_MK5", *tail), (b"60", tail[0], b"\1\0"), (b"60_MK5", bytes(12), tail[1])]
     ]
-    assert told[0] == told[1] != told[2]
-    assert told[0][:2] == b"\x06\x05"
+    assert reported[0] == reported[1] != reported[2]
+    assert reported[0][:2] == b"\x06\x05"
     assert codec.replies(packed(b"\x00\x03\x17")).frames[0].id < 0  # an echo of a request has less than a name
     assert codec.replies(packed(b"\x00\x03\x17410")).frames[0].data[:2] == b"\x03\x17"
 
@@ -178,10 +178,10 @@ def test_a_mean_that_began_before_the_command_does_not_speak_against_it() -> Non
     for current_A in (0.4, -0.4, 0.0):
         rig.wheel.read(1.0)
         rig.clock.sleep(0.05)
-        asked = rig.wheel.link.requests
+        wanted = rig.wheel.link.requests
         issued = rig.wheel.command_current(current_A)
         assert (issued.current_A, issued.acknowledged, issued.reason) == (current_A, True, None)
-        assert rig.wheel.link.requests - asked == 3
+        assert rig.wheel.link.requests - wanted == 3
         rig.clock.sleep(0.08)
         sample = rig.wheel.read(1.0)
         assert sample is not None
@@ -243,12 +243,12 @@ def test_a_fault_of_the_vesc_is_one_of_the_wheel(tmp_path: Path) -> None:
     """Codes by the flags of a simulated one: fault, and over temperature, with the code above them in the status."""
     bench = virtual_wheel(tmp_path, protocol="vesc-wheel")
     wheel = open_timed(bench, "vesc-wheel", 0.04)
-    for text, status, said in (("flag:1", 4 * 256 + 1, {"fault"}), ("heat:101", 5 * 256 + 4, {"over_temperature"})):
+    for text, status, stated in (("flag:1", 4 * 256 + 1, {"fault"}), ("heat:101", 5 * 256 + 4, {"over_temperature"})):
         bench.fault(text)
         sample = wheel.read(1.0)
         assert sample is not None
         assert sample.status == status
-        assert sample.conditions == said
+        assert sample.conditions == stated
 
 
 @pytest.mark.parametrize("number", ["inf", "-inf", "nan"])

@@ -55,9 +55,9 @@ def test_a_jump_of_the_clock_is_a_new_segment(jump_s: float) -> None:
     clock = WheelClock()
     before = [(5000.0 + 0.1 * i, 1.0 + 0.1 * i) for i in range(50)]
     after = [(5005.0 + jump_s + 0.1 * i, 6.0 + 0.1 * i) for i in range(50)]
-    told = follow(clock, *before, *after)
-    assert [segment for _, segment in told] == [0] * 50 + [1] * 50
-    steps = [b[0] - a[0] for a, b in itertools.pairwise(told[50:])]
+    reported = follow(clock, *before, *after)
+    assert [segment for _, segment in reported] == [0] * 50 + [1] * 50
+    steps = [b[0] - a[0] for a, b in itertools.pairwise(reported[50:])]
     assert steps == pytest.approx([0.1] * 49, abs=1e-4)
     assert clock.rate == pytest.approx(1.0, rel=0.01)
     assert clock.believed
@@ -68,8 +68,8 @@ def test_a_clock_at_another_rate_is_no_clock_that_jumps(rate: float) -> None:
     """A simulation that runs fast or slow, a quartz 100 ppm off, and a host that stands for 3 s: one segment."""
     clock = WheelClock()
     host = [0.1 * i + (3.0 if i > 40 else 0.0) + 0.02 * (i % 3) for i in range(200)]
-    told = follow(clock, *((rate * at, at) for at in host))
-    assert {segment for _, segment in told} == {0}
+    reported = follow(clock, *((rate * at, at) for at in host))
+    assert {segment for _, segment in reported} == {0}
     assert clock.rate == pytest.approx(rate, rel=0.01)
 
 
@@ -77,26 +77,28 @@ def test_a_counter_that_wraps_has_not_jumped() -> None:
     """Through 2^32 ms time goes on in the same segment, also where replies were lost meanwhile."""
     span_s = 2**32 / 1000.0
     clock = WheelClock()
-    told = follow(clock, *(((span_s - 2.0 + at) % span_s, at) for at in (0.0, 0.1, 0.2, 1.9, 2.1, 30.0)), span_s=span_s)
-    assert told[-1][0] == pytest.approx(span_s + 28.0)
-    assert told[-1][1] == 0
+    reported = follow(
+        clock, *(((span_s - 2.0 + at) % span_s, at) for at in (0.0, 0.1, 0.2, 1.9, 2.1, 30.0)), span_s=span_s
+    )
+    assert reported[-1][0] == pytest.approx(span_s + 28.0)
+    assert reported[-1][1] == 0
 
 
 def test_the_same_uptime_is_the_same_time_and_nothing_has_jumped_when_it_goes_on() -> None:
     """A reply that is repeated for ten seconds is no later reading; the next true one continues the segment."""
     clock = WheelClock()
-    told = follow(clock, (10.0, 0.0), (10.1, 0.1), *((10.1, 0.2 + 0.1 * i) for i in range(100)), (20.2, 10.2))
-    assert {time for time, _ in told[1:-1]} == {10.1}
-    assert told[-1] == (20.2, 0)
+    reported = follow(clock, (10.0, 0.0), (10.1, 0.1), *((10.1, 0.2 + 0.1 * i) for i in range(100)), (20.2, 10.2))
+    assert {time for time, _ in reported[1:-1]} == {10.1}
+    assert reported[-1] == (20.2, 0)
 
 
 def test_a_clock_that_jumps_again_and_again_is_not_believed() -> None:
     """After the third jump within some readings the host counts; time grows, and there is no further segment."""
     clock = WheelClock()
-    told = follow(clock, *((100.0 + 7.3 * i, 0.1 * i) if i > 20 else (100.0 + 0.1 * i, 0.1 * i) for i in range(60)))
+    reported = follow(clock, *((100.0 + 7.3 * i, 0.1 * i) if i > 20 else (100.0 + 0.1 * i, 0.1 * i) for i in range(60)))
     assert not clock.believed
     assert clock.segment == 3
-    steps = [b[0] - a[0] for a, b in itertools.pairwise(told[30:])]
+    steps = [b[0] - a[0] for a, b in itertools.pairwise(reported[30:])]
     assert steps == pytest.approx([0.1] * 29, abs=1e-6)
 
 

@@ -19,7 +19,7 @@ from rw_ekf.drivers.sim.wheel_line import WheelLine
 CURRENT_COMMAND, STATUS, IDENTITY, CYCLE = 3, 130, 128, 137
 
 
-class Asked:
+class Wanted:
     """A line that is asked in the wheel's time."""
 
     def __init__(self, wire_map: WireMap, *faults: str) -> None:
@@ -62,57 +62,57 @@ class Asked:
 )  # fmt: skip
 def test_what_comes_of_one_request(wire_map: WireMap, fault: str, good: int) -> None:
     """So many good frames come back within 50 ms under each fault of the line."""
-    asked = Asked(wire_map, fault)
-    assert len(asked.frames(1)) == good
+    wanted = Wanted(wire_map, fault)
+    assert len(wanted.frames(1)) == good
 
 
 def test_bits_are_wrong_and_the_checksum_says_so(wire_map: WireMap) -> None:
     """No reply with a flipped bit is a good frame, whichever bit it was; without the fault all are."""
-    asked = Asked(wire_map, "flip/from:1:1@0s:10s")
-    assert not any(asked.frames(seq) for seq in range(100))
-    asked.now_s = 11.0
-    assert all(asked.frames(seq) for seq in range(20))
+    wanted = Wanted(wire_map, "flip/from:1:1@0s:10s")
+    assert not any(wanted.frames(seq) for seq in range(100))
+    wanted.now_s = 11.0
+    assert all(wanted.frames(seq) for seq in range(20))
 
 
 def test_a_kept_reply_comes_behind_the_next_one(wire_map: WireMap) -> None:
     """Every second reply is kept back and overtaken."""
-    asked = Asked(wire_map, "reorder/from")
-    assert [[f.seq for f in asked.frames(seq)] for seq in range(4)] == [[], [1, 0], [], [3, 2]]
+    wanted = Wanted(wire_map, "reorder/from")
+    assert [[f.seq for f in wanted.frames(seq)] for seq in range(4)] == [[], [1, 0], [], [3, 2]]
 
 
 def test_held_bytes_come_at_once(wire_map: WireMap) -> None:
     """Three replies asked for during a hold are there together when it ends, and not before."""
-    asked = Asked(wire_map, "hold@0s:200ms")
-    assert [asked.heard(seq, CYCLE) for seq in range(3)] == [b"", b"", b""]
-    assert [frame.seq for frame in asked.frames(3, for_s=0.1)] == [0, 1, 2, 3]
+    wanted = Wanted(wire_map, "hold@0s:200ms")
+    assert [wanted.heard(seq, CYCLE) for seq in range(3)] == [b"", b"", b""]
+    assert [frame.seq for frame in wanted.frames(3, for_s=0.1)] == [0, 1, 2, 3]
 
 
 def test_frames_of_another_seq_id_and_length(wire_map: WireMap) -> None:
     """Their checksums are good: only what they say is wrong."""
-    size = len(Asked(wire_map).frames(9)[0].data)
+    size = len(Wanted(wire_map).frames(9)[0].data)
     for fault, seq, register_id, length in (
         ("seq:1:2", 7, CYCLE, size), ("id", 9, CYCLE + 1, size), ("length", 9, CYCLE, size + 1),
     ):  # fmt: skip
-        (frame,) = Asked(wire_map, fault).frames(9)
+        (frame,) = Wanted(wire_map, fault).frames(9)
         assert (frame.seq, frame.id, len(frame.data)) == (seq, register_id, length)
 
 
 def test_telemetry_that_stands_still_repeats_or_is_wild(wire_map: WireMap) -> None:
     """Frozen: the values stand and the clock goes on; repeated: all of it stands; wild: that field alone."""
     for fault, still, going in (("freeze", "speed", "uptime"), ("freeze:speed", "speed", "uptime")):
-        asked = Asked(wire_map, fault)
-        asked.server.plant.command(1.0)
-        values = [asked.cycle(seq) for seq in range(20)]
+        wanted = Wanted(wire_map, fault)
+        wanted.server.plant.command(1.0)
+        values = [wanted.cycle(seq) for seq in range(20)]
         assert len({v[still] for v in values}) == 1
         assert len({v[going] for v in values}) == 20
-    asked = Asked(wire_map, "repeat/cycle")
-    assert len({tuple(asked.cycle(seq).values()) for seq in range(5)}) == 1
-    asked = Asked(wire_map, "value:temperature=55.5")
-    assert asked.cycle()["temperature"] == 55.5
-    assert asked.cycle()["speed"] == pytest.approx(50.0, abs=0.5)
+    wanted = Wanted(wire_map, "repeat/cycle")
+    assert len({tuple(wanted.cycle(seq).values()) for seq in range(5)}) == 1
+    wanted = Wanted(wire_map, "value:temperature=55.5")
+    assert wanted.cycle()["temperature"] == 55.5
+    assert wanted.cycle()["speed"] == pytest.approx(50.0, abs=0.5)
     for number, count in (("inf", 32767), ("-inf", -32768), ("nan", -32768)):
-        assert Asked(wire_map, f"value:speed={number}").cycle()["speed"] == pytest.approx(count * 0.5 * math.pi / 30.0)
-    speeds = [asked.cycle()["speed"] for asked in [Asked(wire_map, "spike:1000:1/2")] for _ in range(6)]
+        assert Wanted(wire_map, f"value:speed={number}").cycle()["speed"] == pytest.approx(count * 0.5 * math.pi / 30.0)
+    speeds = [wanted.cycle()["speed"] for wanted in [Wanted(wire_map, "spike:1000:1/2")] for _ in range(6)]
     assert sum(abs(speed - 50.0) > 100.0 for speed in speeds) == 3
 
 
@@ -120,33 +120,33 @@ def test_a_refused_write_is_not_done_unless_it_acts(wire_map: WireMap) -> None:
     """Both answer with the status; only one of them changes the current."""
     data = (1000).to_bytes(2, "little", signed=True)
     for fault, current_A in (("nack:3", 0.0), ("nack-acted:3", 0.1), ("nack/mode", 0.1)):
-        asked = Asked(wire_map, fault)
-        (frame,) = asked.frames(1, CURRENT_COMMAND, data)
+        wanted = Wanted(wire_map, fault)
+        (frame,) = wanted.frames(1, CURRENT_COMMAND, data)
         assert frame.data == (b"\x03" if "mode" not in fault else b"\0")
-        assert asked.server.command_A == pytest.approx(current_A)
+        assert wanted.server.command_A == pytest.approx(current_A)
 
 
 def test_what_happens_to_the_wheel_happens_once_a_stretch(wire_map: WireMap) -> None:
     """Restart and jump of the clock come at their times, heat and flags last as long as they should."""
-    asked = Asked(wire_map, "reset@1s:0.5s:2s,clock:100s@10s,heat:80@20s:5s,flag:1@30s:1s,serial:9@40s")
-    asked.server.plant.command(0.5)
-    asked.now_s = 0.9
-    assert asked.cycle()["uptime"] > 0.8
-    asked.now_s = 1.1
-    asked.frames(0)  # here it restarts
-    assert asked.cycle()["uptime"] < 0.2
-    assert asked.server.command_A == 0.0
-    asked.now_s = 10.9
-    asked.frames(0)
-    assert asked.cycle()["uptime"] > 100.0
+    wanted = Wanted(wire_map, "reset@1s:0.5s:2s,clock:100s@10s,heat:80@20s:5s,flag:1@30s:1s,serial:9@40s")
+    wanted.server.plant.command(0.5)
+    wanted.now_s = 0.9
+    assert wanted.cycle()["uptime"] > 0.8
+    wanted.now_s = 1.1
+    wanted.frames(0)  # here it restarts
+    assert wanted.cycle()["uptime"] < 0.2
+    assert wanted.server.command_A == 0.0
+    wanted.now_s = 10.9
+    wanted.frames(0)
+    assert wanted.cycle()["uptime"] > 100.0
     for now_s, hot in ((19.0, False), (20.1, True), (24.0, True), (25.5, False)):
-        asked.now_s = now_s
-        asked.frames(0)
-        assert (asked.cycle()["temperature"] == pytest.approx(80.0, abs=0.1)) is hot
-    asked.now_s = 30.1
-    assert asked.frames(0, STATUS)[0].data[1] & 1
-    asked.now_s = 41.0
-    assert int.from_bytes(asked.frames(0, IDENTITY)[0].data[2:4], "little") == 9
+        wanted.now_s = now_s
+        wanted.frames(0)
+        assert (wanted.cycle()["temperature"] == pytest.approx(80.0, abs=0.1)) is hot
+    wanted.now_s = 30.1
+    assert wanted.frames(0, STATUS)[0].data[1] & 1
+    wanted.now_s = 41.0
+    assert int.from_bytes(wanted.frames(0, IDENTITY)[0].data[2:4], "little") == 9
 
 
 def test_a_fault_of_what_the_map_does_not_have(wire_map: WireMap) -> None:

@@ -176,7 +176,7 @@ def test_a_model_file_holds_the_formula() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "stated"),
     [
         ({"formula": {"drag": "a*omegaa", "a": {"unit": "1"}}}, "unknown name 'omegaa'"),
         ({"formula": {"drag": "a*omega", "a": {"unit": "1"}}}, "w0"),
@@ -188,13 +188,13 @@ def test_a_model_file_holds_the_formula() -> None:
         ({"constants": {}}, "is missing"),
     ],
 )
-def test_a_model_file_with_a_wrong_formula_is_refused(change: dict[str, Any], said: str) -> None:
+def test_a_model_file_with_a_wrong_formula_is_refused(change: dict[str, Any], stated: str) -> None:
     """With the place of what is wrong."""
     data = model().document()
     data["effects"][0] |= change
     with pytest.raises(ConfigError) as caught:
         model_from_data(data, lambda path: "model.yaml:1:1:" + ".".join(map(str, path)))
-    assert said in str(caught.value)
+    assert stated in str(caught.value)
     assert str(caught.value).startswith("model.yaml:1:1:effects.0")
 
 

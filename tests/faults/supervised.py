@@ -32,7 +32,7 @@ class Running:
         """Number of the process that was started: the supervisor, where there is one."""
         return self.process.pid
 
-    def said(self, event: str) -> list[dict[str, Any]]:
+    def stated(self, event: str) -> list[dict[str, Any]]:
         """The log lines of that event, so far."""
         text = Path(self.errors.name).read_text(encoding="utf-8")
         lines = [json.loads(line) for line in text.splitlines() if line.startswith("{") and line.endswith("}")]

@@ -30,7 +30,7 @@ from rw_ekf.logs.reader import read_log
 from tests.faults.ports import Failing
 from tests.faults.test_bus_rows import assert_recovered
 from tests.faults.test_network_ports import URLS, Bridge
-from tests.faults.test_opening import Told
+from tests.faults.test_opening import Reported
 from tests.faults.test_other_readers import MODEM_MANAGER
 from tests.faults.test_spikes_and_time import HostClock
 from tests.faults.test_unplugged import ERRORS
@@ -84,7 +84,7 @@ def test_any_call_of_the_shared_port_may_fail(tmp_path: Path, error: BaseExcepti
         assert ports[0].raised
         assert len(ports) == 2
         for name in NAMES:
-            assert ran.notes[name].states[-1] == "TRACKING", (at_call, name, ran.notes[name].said)
+            assert ran.notes[name].states[-1] == "TRACKING", (at_call, name, ran.notes[name].stated)
             assert ran.outcome(name).zero_confirmed
             assert bench[name].electronics.command_A == 0.0
     assert went_on >= 6
@@ -316,10 +316,10 @@ def test_what_a_modem_manager_writes_costs_no_wheel(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_modem_lines_of_a_shared_port_are_set_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a line, row 6: before it is opened, for all wheels; no wheel that comes later touches them."""
-    made: list[Told] = []
+    made: list[Reported] = []
 
-    def for_url(url: str, do_not_open: bool = False, **options: Any) -> Told:
-        made.append(Told(None, **options))
+    def for_url(url: str, do_not_open: bool = False, **options: Any) -> Reported:
+        made.append(Reported(None, **options))
         made[-1].port = url
         return made[-1]
 

@@ -54,7 +54,7 @@ def assert_recovered(
     """Each is driven at the end as at the beginning, and has its zero behind it; driven_s: from when, until when."""
     for name in names:
         outcome = ran.outcome(name)
-        assert ran.notes[name].states[-1] == "TRACKING", (name, ran.notes[name].said)
+        assert ran.notes[name].states[-1] == "TRACKING", (name, ran.notes[name].stated)
         late = [abs(current) for at_s, current in bench[name].written if driven_s[0] < at_s < driven_s[1]]
         assert max(late) > 0.05
         assert outcome.zero_confirmed

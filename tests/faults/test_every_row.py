@@ -40,9 +40,9 @@ def test_every_row_is_held_on_a_line_of_several_wheels() -> None:
     """By the rows of `test_bus_rows.py`, and by the tests whose docstring begins "On a line, row N:"; none is left."""
     named = {int(row.split()[0]) for row in (*OF_ONE_WHEEL, *OF_THE_LINE)}
     texts = (path.read_text(encoding="utf-8") for path in Path(__file__).parents[1].rglob("test_bus*.py"))
-    told = {int(number) for text in texts for number in re.findall(r'"""On a line, row (\d+):', text)}
-    assert named | told == ROWS
-    assert not named & told
+    reported = {int(number) for text in texts for number in re.findall(r'"""On a line, row (\d+):', text)}
+    assert named | reported == ROWS
+    assert not named & reported
 
 
 def rows_and_tests() -> Iterator[tuple[int, bool]]:

@@ -42,9 +42,9 @@ def wheel(first_run: tuple[Path, Path]) -> LineWheel:
     return LineWheel(where)
 
 
-def said(ran: Ran, event: str) -> list[str]:
+def stated(ran: Ran, event: str) -> list[str]:
     """Sentences of an event."""
-    return [context.get("text", "") for name, context in ran.notes.said if name == event]
+    return [context.get("text", "") for name, context in ran.notes.stated if name == event]
 
 
 def ran_well(ran: Ran) -> bool:
@@ -62,7 +62,7 @@ def test_a_restart_goes_on(wheel: LineWheel) -> None:
     """Row 28: the same wheel ten minutes later starts from what was learned, says so, and knows no less afterwards."""
     before = read_learned(wheel.learned)
     ran = wheel.run(60.0, at=before.saved + timedelta(minutes=10))
-    (text,) = said(ran, "learned_continued")
+    (text,) = stated(ran, "learned_continued")
     assert str(wheel.learned) in text
     assert "saved 10 min ago" in text
     start = ran.outcome.setup.prior
@@ -70,7 +70,7 @@ def test_a_restart_goes_on(wheel: LineWheel) -> None:
     assert ran.outcome.start["from"] == "learned"
     assert ran.outcome.start["age_s"] == pytest.approx(600.0, abs=1.0)
     assert ran.outcome.belief.parameter_std.motor_gain < 0.05
-    assert said(ran, "confirming_sign") == []
+    assert stated(ran, "confirming_sign") == []
     assert ran_well(ran)
     assert read_learned(wheel.learned).saved > before.saved
 
@@ -88,10 +88,10 @@ def replay_of(log: Path) -> float:
     from rw_ekf.logs.reader import read_log
 
     done = replay_log(read_log(log), setup=setup_of_run(log))
-    told = read_model(log.with_suffix(".model.yaml"))
+    reported = read_model(log.with_suffix(".model.yaml"))
     return max(
         abs(a - b) / s
-        for a, b, s in zip(done.belief.parameters, told.parameters, done.belief.parameter_std, strict=True)
+        for a, b, s in zip(done.belief.parameters, reported.parameters, done.belief.parameter_std, strict=True)
     )
 
 
@@ -153,7 +153,7 @@ def test_a_spoilt_file_is_not_gone_on_from(wheel: LineWheel, spoil: Callable[[Pa
     path = wheel.learned
     spoil(path)
     ran = wheel.run(70.0, at=BEGAN + timedelta(hours=1))
-    (text,) = said(ran, "learned_not_used")
+    (text,) = stated(ran, "learned_not_used")
     assert "the run starts from the configuration" in text
     assert re.search(words, text)
     assert str(path) in text or "learned" in text
@@ -170,7 +170,7 @@ def test_a_file_that_may_not_be_read_is_not_gone_on_from(wheel: LineWheel) -> No
     """Row 28: no permission: from the configuration, said."""
     wheel.learned.chmod(0)
     ran = wheel.run(20.0)
-    assert "cannot be read" in said(ran, "learned_not_used")[0]
+    assert "cannot be read" in stated(ran, "learned_not_used")[0]
 
 
 def test_another_wheel_starts_afresh_and_loses_nothing(wheel: LineWheel) -> None:
@@ -178,9 +178,9 @@ def test_another_wheel_starts_afresh_and_loses_nothing(wheel: LineWheel) -> None
     before = wheel.learned.read_text(encoding="utf-8")
     other = LineWheel(wheel.directory, PlantParameters(motor_gain=12.0), serial_number=2)
     ran = other.run(90.0, at=BEGAN + timedelta(hours=1))
-    (text,) = said(ran, "learned_not_used")
+    (text,) = stated(ran, "learned_not_used")
     assert "it is of the wheel with serial number 1, and serial number 2 answers" in text
-    assert len(said(ran, "confirming_sign")) == 1
+    assert len(stated(ran, "confirming_sign")) == 1
     assert ran_well(ran)
     assert ran.outcome.files.replaced.read_text(encoding="utf-8") == before
     now = read_learned(wheel.learned)
@@ -199,8 +199,8 @@ def test_another_wheel_starts_afresh_and_loses_nothing(wheel: LineWheel) -> None
 def test_another_start_is_another_learning(wheel: LineWheel, section: str, change: dict[str, Any]) -> None:
     """Row 28: prior, noise or Stribeck curve changed: the learning is left; the wheel's sign is known all the same."""
     ran = wheel.run(30.0, at=BEGAN + timedelta(hours=1), **{section: change})  # type: ignore[arg-type]
-    assert "is another than it began from" in said(ran, "learned_not_used")[0]
-    assert said(ran, "confirming_sign") == []
+    assert "is another than it began from" in stated(ran, "learned_not_used")[0]
+    assert stated(ran, "confirming_sign") == []
     assert ran_well(ran)
 
 
@@ -226,7 +226,7 @@ def test_a_short_test_does_not_replace_what_was_learned(tmp_path: Path) -> None:
     later = BEGAN + timedelta(minutes=11)
     short = wheel.run(6.0, at=later, fresh=True)
     assert wheel.learned.read_bytes() == before
-    assert "knows the wheel much less well" in said_of(short, "learned_not_kept")
+    assert "knows the wheel much less well" in sentence_about(short, "learned_not_kept")
     assert wheel.run(10.0, at=later).outcome.start["from"] == "learned"
     long = wheel.run(300.0, at=later, fresh=True)
     assert read_learned(wheel.learned).model.source["log"] == long.outcome.files.log.name
@@ -241,12 +241,12 @@ def test_a_run_that_learned_nothing_leaves_no_model(tmp_path: Path) -> None:
     assert ran.outcome.model is None
     assert not ran.outcome.files.model.exists()
     assert not list((tmp_path / "runs").glob("*.learned.yaml"))
-    assert "learned nothing" in said_of(ran, "learned_not_kept")
+    assert "learned nothing" in sentence_about(ran, "learned_not_kept")
 
 
-def said_of(ran: Ran, event: str) -> str:
+def sentence_about(ran: Ran, event: str) -> str:
     """The reason that was given with an event."""
-    return next(str(context["reason"]) for name, context in ran.notes.said if name == event)
+    return next(str(context["reason"]) for name, context in ran.notes.stated if name == event)
 
 
 def test_an_old_learning_is_believed_less(wheel: LineWheel) -> None:
@@ -255,9 +255,9 @@ def test_an_old_learning_is_believed_less(wheel: LineWheel) -> None:
     ran = wheel.run(1.0, at=saved.saved + timedelta(days=365))
     began = ran.outcome.setup.prior
     assert began.parameter_std.motor_gain == pytest.approx(0.094 * began.parameters.motor_gain, rel=0.05)
-    assert "365 days" in said(ran, "learned_continued")[0]
+    assert "365 days" in stated(ran, "learned_continued")[0]
     future = wheel.run(1.0, at=BEGAN - timedelta(days=30))
-    assert "in the future" in said(future, "learned_continued")[0]
+    assert "in the future" in stated(future, "learned_continued")[0]
     assert future.outcome.setup.prior.parameter_std.motor_gain > 0.09 * 15.0
 
 
@@ -281,11 +281,11 @@ def test_a_model_of_another_wheel_does_not_drive(wheel: LineWheel) -> None:
             other.run(10.0, **how)
     assert set(other.written_A) <= {0.0}
     driven = other.run(10.0, named=model, other_wheel=True)
-    assert len(said(driven, "model_of_another_wheel")) == 1
+    assert len(stated(driven, "model_of_another_wheel")) == 1
     assert driven.outcome.start["from"] == "model"
     assert ran_well(driven)
     beside = other.run(10.0, named=model, command={"profile": "none"})
-    assert len(said(beside, "model_of_another_wheel")) == 1
+    assert len(stated(beside, "model_of_another_wheel")) == 1
 
 
 def test_what_fit_and_diagnose_make_of_a_log_is_its_wheel_s(wheel: LineWheel) -> None:
@@ -312,7 +312,7 @@ def test_a_model_that_names_no_wheel_is_taken_with_a_note(wheel: LineWheel) -> N
     assert document.pop("wheel")["serial_number"] == 1
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     ran = wheel.run(10.0, named=str(path))
-    assert "does not say which wheel it is of" in said(ran, "model_of_unknown_wheel")[0]
+    assert "does not say which wheel it is of" in stated(ran, "model_of_unknown_wheel")[0]
     assert ran_well(ran)
 
 

@@ -93,8 +93,8 @@ def test_a_terminal_server_that_restarts_is_as_a_port_unplugged(bench: Bench, wi
         assert wheel.read(1.0) is not None
         assert wheel.command_current(0.1).acknowledged
         bridge.stop()
-        said = _lost(wheel)
-        assert url in said
+        stated = _lost(wheel)
+        assert url in stated
         with pytest.raises(DriverError, match="could not be opened"):
             open_serial_wheel(url, wire_map, CLOCK, 0.3, previous=wheel)
         bridge = Bridge(bench.port, port, kind == "rfc2217")
@@ -146,17 +146,17 @@ def test_ser2net_that_restarts_is_as_a_port_unplugged(
 
 def _lost(wheel: SerialWheel) -> str:
     """What is said when the line fails."""
-    said: list[str] = []
+    stated: list[str] = []
 
     def failed() -> bool:
         try:
             wheel.read(0.3)
         except DriverError as error:
-            said.append(str(error))
-        return bool(said)
+            stated.append(str(error))
+        return bool(stated)
 
     wait_for(failed)
-    return said[0]
+    return stated[0]
 
 
 def _listens(port: int) -> bool:

@@ -21,7 +21,7 @@ pytestmark = [EACH_FAMILY_ON_A_LINE, pytest.mark.usefixtures("family")]
 CLOCK = SystemClock()
 
 
-class Told(serial.Serial):
+class Reported(serial.Serial):
     """A port that notes in which order it is set up."""
 
     calls: list[tuple[str, Any]]
@@ -50,11 +50,11 @@ def test_the_modem_lines_are_set_before_opening_and_not_touched_again(
     bench: Bench, wire_map: WireMap, monkeypatch: pytest.MonkeyPatch, lines: ControlLines
 ) -> None:
     """Row 6: `open` finds both as they shall be, nothing sets them later, low latency is tried."""
-    made: list[Told] = []
+    made: list[Reported] = []
 
-    def for_url(url: str, do_not_open: bool = False, **options: Any) -> Told:
+    def for_url(url: str, do_not_open: bool = False, **options: Any) -> Reported:
         assert do_not_open
-        made.append(Told(None, **options))
+        made.append(Reported(None, **options))
         made[0].port = url
         return made[0]
 

@@ -25,8 +25,8 @@ LIMITS = SafetyLimits(0.6, 1.0e6, 400.0, 60.0, 0.5)
 
 def guard_over(wheel: SerialWheel) -> tuple[CurrentGuard, list[str]]:
     """The guard of a wheel, and the events that it says."""
-    said: list[str] = []
-    return CurrentGuard(wheel, LIMITS, SystemClock(), say=lambda event, text: said.append(event)), said
+    stated: list[str] = []
+    return CurrentGuard(wheel, LIMITS, SystemClock(), say=lambda event, text: stated.append(event)), stated
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_zero_that_is_refused_is_enforced_otherwise(
     bench: Bench, wheel: SerialWheel, text: str, event: str | None, idle: bool
 ) -> None:
     """Row 14: by mode idle, then by reset, said once; where all is refused it is not confirmed; then all as before."""
-    guard, said = guard_over(wheel)
+    guard, stated = guard_over(wheel)
     sample = wheel.read(1.0)
     assert sample is not None
     assert guard.write(0.3, sample).acknowledged
@@ -79,7 +79,7 @@ def test_a_zero_that_is_refused_is_enforced_otherwise(
     assert guard.zero(0.0) is idle
     assert guard.zero(0.0) is idle  # in force already: nothing is done twice
     assert (bench.registers.command_A == 0.0) is idle
-    assert said == ([] if event is None else [event])
+    assert stated == ([] if event is None else [event])
     bench.fault("")
     assert guard.zero(0.5)
     assert bench.registers.command_A == 0.0
@@ -95,11 +95,11 @@ def test_a_map_without_mode_and_reset_says_that_zero_is_refused(tmp_path: Path) 
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
     with served_wheel(tmp_path) as bench:
         wheel = open_serial_wheel(bench.port, wire_map_of(str(tmp_path / "map.yaml")), SystemClock(), 0.15)
-        guard, said = guard_over(wheel)
+        guard, stated = guard_over(wheel)
         wheel.command_current(0.3)
         bench.fault("nack/current_command")
         assert not guard.zero(0.0)
-        assert said == []
+        assert stated == []
         bench.fault("")
         assert guard.zero(0.0)
         wheel.close()
@@ -113,7 +113,7 @@ def test_the_daemon_says_how_it_stopped_a_wheel_that_refuses_zero(timed: Bench) 
     assert ZERO_BY_MODE in ran.notes.events
     assert any("its mode was set to idle instead" in text for text in ran.outcome.findings)
     refusals = {"refused_in_this_mode", "not_taken"}  # by a status, or by telemetry that says so
-    assert [c for e, c in ran.notes.said if e == "command_changed" and c.get("reason") in refusals]
+    assert [c for e, c in ran.notes.stated if e == "command_changed" and c.get("reason") in refusals]
     assert ran.outcome.zero_confirmed
     assert any(abs(a) > 0.01 for a in timed.recorder.writes_A()[-6:-1])
     assert ran.outcome.statistics.rejected <= 2

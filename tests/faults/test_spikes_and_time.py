@@ -72,7 +72,7 @@ class Held:
 
     directory: Path
     clock: HostClock = field(default_factory=HostClock)
-    asked_s: list[float] = field(default_factory=list)
+    wanted_s: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         noise, state = PlantNoise(RAD_S_PER_RPM), PlantState(speed_rad_s=40.0)
@@ -81,7 +81,7 @@ class Held:
 
     def _watch(self, frame: Frame) -> None:
         if frame.id == CYCLE:
-            self.asked_s.append(self.clock.monotonic())
+            self.wanted_s.append(self.clock.monotonic())
 
     def fault(self, text: str) -> None:
         """The wheel has this fault and no other."""
@@ -192,9 +192,9 @@ def test_a_host_that_was_stopped_goes_on_without_a_burst(tmp_path: Path, seconds
     """Row 22: SIGSTOP for 3 s, a laptop asleep for 8 hours: one gap, the speed afresh, no burst of polls."""
     held, limits = Held(tmp_path), {"safe_after_s": None}
     ran = held.run((AT_S, lambda: held.clock.stop_the_host(seconds)), lasts_s=LASTS_S + seconds, limits=limits)
-    asked = np.array(held.asked_s)
+    wanted = np.array(held.wanted_s)
     back_s = AT_S + seconds
-    assert np.count_nonzero((asked >= back_s) & (asked < back_s + 1.0)) <= 13
+    assert np.count_nonzero((wanted >= back_s) & (wanted < back_s + 1.0)) <= 13
     steps = np.diff(ran.log.time_s)
     assert np.count_nonzero(steps > 1.0) == 1
     assert np.max(steps) == pytest.approx(seconds, abs=1.0)

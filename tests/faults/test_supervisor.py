@@ -36,8 +36,8 @@ def test_a_daemon_that_is_killed_leaves_the_wheel_at_zero_and_runs_again(bench: 
         kill(first)
         run.wait(lambda: bench.registers.command_A == 0.0)
         assert len(bench.logs()) == 1, "zero came from the supervisor, not from the next run"
-        run.wait(lambda: len(run.said("daemon_died")) == 1)
-        (died,) = run.said("daemon_died")
+        run.wait(lambda: len(run.stated("daemon_died")) == 1)
+        (died,) = run.stated("daemon_died")
         assert (died["pid"], died["zero_current"]) == (first, "confirmed")
         assert "SIGKILL" in died["how"]
         second = run.child(besides=(first,))
@@ -48,7 +48,7 @@ def test_a_daemon_that_is_killed_leaves_the_wheel_at_zero_and_runs_again(bench: 
         assert f"daemon {run.pid} ended" in done.stdout
         assert bench.registers.command_A == 0.0
         assert not is_there(second)
-        assert len(run.said("supervising")) == 2, "no start after a stop"
+        assert len(run.stated("supervising")) == 2, "no start after a stop"
 
 
 @pytest.mark.slow
@@ -63,12 +63,12 @@ def test_a_daemon_that_crashes_is_started_again(bench: Bench, deed: str) -> None
     with running(bench, "--supervise", sabotage=QUICKLY + CRASH.format(turn=15, deed=deed)) as run:
         first = run.child()
         if "raise" in deed:
-            run.wait(lambda: len(run.said("sink_failed")) == 1)
+            run.wait(lambda: len(run.stated("sink_failed")) == 1)
             assert run.child() == first
         else:
             second = run.child(besides=(first,))
             assert second != first
-            assert run.said("daemon_died")[0]["zero_current"] == "confirmed"
+            assert run.stated("daemon_died")[0]["zero_current"] == "confirmed"
             assert ("Segmentation fault" in run.text()) == ("SIGSEGV" in deed)
         run.wait(driven(bench))
         kill(run.pid, signal.SIGTERM)
@@ -84,9 +84,9 @@ def test_an_unhandled_exception_is_a_crash_and_too_many_end_it(bench: Bench) -> 
     )
     with running(bench, "--supervise", sabotage=sabotage) as run:
         assert run.ended() == 1
-        assert [line["zero_current"] for line in run.said("daemon_died")] == ["confirmed"] * 6
-        assert len(run.said("supervising")) == 6
-        assert len(run.said("given_up")) == 1
+        assert [line["zero_current"] for line in run.stated("daemon_died")] == ["confirmed"] * 6
+        assert len(run.stated("supervising")) == 6
+        assert len(run.stated("given_up")) == 1
         assert run.text().count("RuntimeError: sabotage") == 6
     assert bench.registers.command_A == 0.0
 
@@ -102,11 +102,11 @@ def test_no_room_for_a_process_is_waited_out(bench: Bench) -> None:
     )
     with running(bench, "--supervise", sabotage=sabotage) as run:
         first = run.child()
-        assert [line["reason"] for line in run.said("not_started")] == ["Resource temporarily unavailable"] * 2
+        assert [line["reason"] for line in run.stated("not_started")] == ["Resource temporarily unavailable"] * 2
         kill(first)
         second = run.child(besides=(first,))
-        assert len(run.said("not_started")) == 3
-        assert run.said("daemon_died")[0]["zero_current"] == "confirmed"
+        assert len(run.stated("not_started")) == 3
+        assert run.stated("daemon_died")[0]["zero_current"] == "confirmed"
         kill(run.pid, signal.SIGTERM)
         assert run.ended() == 0
         assert not is_there(second)
@@ -122,7 +122,7 @@ def test_a_daemon_that_hangs_is_killed_and_the_wheel_stopped(bench: Bench) -> No
         kill(first, signal.SIGSTOP)
         run.wait(lambda: bench.registers.command_A == 0.0)
         second = run.child(besides=(first,))
-        assert "hung" in run.said("daemon_died")[0]["how"]
+        assert "hung" in run.stated("daemon_died")[0]["how"]
         assert not is_there(first)
         run.wait(driven(bench))
         kill(second, signal.SIGSTOP)  # and `stop` while it hangs
@@ -139,8 +139,8 @@ def test_a_block_in_a_sink_within_the_turn_is_a_hang(bench: Bench) -> None:
     sabotage = CRASH.format(turn=15, deed="import time; time.sleep(1e6)")
     with running(bench, "--supervise", sabotage=sabotage) as run:
         first = run.child()
-        run.wait(lambda: len(run.said("daemon_died")) == 1)
-        assert run.said("daemon_died")[0]["zero_current"] == "confirmed"
+        run.wait(lambda: len(run.stated("daemon_died")) == 1)
+        assert run.stated("daemon_died")[0]["zero_current"] == "confirmed"
         run.child(besides=(first,))
 
 
@@ -155,8 +155,8 @@ def test_the_supervisor_s_death_ends_the_run_in_order(bench: Bench) -> None:
         run.process.wait()
         run.wait(lambda: not is_there(child))
         assert bench.registers.command_A == 0.0
-        assert len(run.said("supervisor_died")) == 1
-        assert run.said("ended")[0]["zero_current"] == "confirmed"
+        assert len(run.stated("supervisor_died")) == 1
+        assert run.stated("ended")[0]["zero_current"] == "confirmed"
         assert run.published()["ended_utc"] is not None
         assert list(bench.runs.glob("*.model.yaml"))
 
@@ -171,7 +171,7 @@ def test_signals_to_the_supervisor_end_the_run(bench: Bench, name: str) -> None:
         kill(run.pid, getattr(signal, name))
         assert run.ended() == 0
         assert not is_there(child)
-        assert [line["by"] for line in run.said("ended")] == [name]
+        assert [line["by"] for line in run.stated("ended")] == [name]
     assert bench.registers.command_A == 0.0
 
 
@@ -210,8 +210,8 @@ def test_what_ends_in_order_is_not_started_again(bench: Bench) -> None:
         assert run.ended() == 1
     with running(bench, "--supervise", "--duration", "1") as run:
         assert run.ended() == 0
-        assert len(run.said("supervising")) == 3
-        assert not run.said("restart")
+        assert len(run.stated("supervising")) == 3
+        assert not run.stated("restart")
     with running(bench, "--supervise") as run:
         run.child()
         second = rw_ekf("run", "--supervise", "--config", run.config)
@@ -233,12 +233,12 @@ def test_a_wheel_that_comes_back_after_the_crash_is_taken_up(bench: Bench) -> No
         first = run.child()
         bench.unplug()
         kill(first)
-        run.wait(lambda: len(run.said("restart")) >= 4)
-        assert {line["zero_current"] for line in run.said("daemon_died")} == {"NOT confirmed"}
+        run.wait(lambda: len(run.stated("restart")) >= 4)
+        assert {line["zero_current"] for line in run.stated("daemon_died")} == {"NOT confirmed"}
         bench.plug()
         run.child(besides=(first,))
         run.wait(driven(bench))
-        assert not run.said("given_up")
+        assert not run.stated("given_up")
 
 
 def test_a_run_under_nohup_does_not_end_at_sighup(bench: Bench) -> None:
@@ -248,12 +248,12 @@ def test_a_run_under_nohup_does_not_end_at_sighup(bench: Bench) -> None:
             child = run.child()
             kill(run.pid, signal.SIGHUP)
             kill(child, signal.SIGHUP)
-            told = bench.recorder.requests[-1][0]
-            run.wait(lambda told=told: bench.recorder.requests[-1][0] > told + 0.5)  # type: ignore[misc]
+            reported = bench.recorder.requests[-1][0]
+            run.wait(lambda reported=reported: bench.recorder.requests[-1][0] > reported + 0.5)  # type: ignore[misc]
             assert is_there(child)
             kill(run.pid, signal.SIGTERM)
             assert run.ended() == 0
-            assert [line["by"] for line in run.said("ended")][-1] == "SIGTERM"
+            assert [line["by"] for line in run.stated("ended")][-1] == "SIGTERM"
 
 
 def test_the_supervisor_stays_light(bench: Bench) -> None:
@@ -274,7 +274,7 @@ def test_between_two_runs_the_port_stays_taken_and_stop_ends_it(bench: Bench) ->
     ) as run:
         first = run.child()
         kill(first)
-        run.wait(lambda: len(run.said("restart")) == 1)
+        run.wait(lambda: len(run.stated("restart")) == 1)
         status = rw_ekf("status", "--config", run.config)
         assert status.returncode == 4
         assert f"process {run.pid} of user" in status.stdout

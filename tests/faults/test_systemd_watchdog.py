@@ -114,15 +114,15 @@ def test_a_run_that_is_never_read_does_not_wait(tmp_path: Path) -> None:
     """Row 29: systemd's socket is full, or gone: nothing blocks or raises; what was not taken is said again."""
     clock = VirtualClock()
     with listening(str(tmp_path / "notify")) as systemd:
-        told = SystemdWatchdog(systemd.address, 1e-3, clock)
+        reported = SystemdWatchdog(systemd.address, 1e-3, clock)
         for number in range(2000):
             clock.sleep(1.0)
-            told.turned(CONNECTING._replace(reason=str(number)))
+            reported.turned(CONNECTING._replace(reason=str(number)))
         assert 0 < systemd.pings() < 2000
-        told.turned(CONNECTING)
+        reported.turned(CONNECTING)
         assert systemd.heard()[-2:] == ["STATUS=CONNECTING: the line has been opened", "WATCHDOG=1"]
-    told.turned(CONNECTING._replace(reason="nobody there"))
-    told.over()
+    reported.turned(CONNECTING._replace(reason="nobody there"))
+    reported.over()
 
 
 def test_pings_are_rare_and_never_too_rare(tmp_path: Path) -> None:
@@ -130,11 +130,11 @@ def test_pings_are_rare_and_never_too_rare(tmp_path: Path) -> None:
     clock = VirtualClock()
     with listening(str(tmp_path / "notify")) as systemd:
         environment = {"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "10000000", "WATCHDOG_PID": str(os.getpid())}
-        told = systemd_of(environment, clock)
-        assert told is not None
+        reported = systemd_of(environment, clock)
+        assert reported is not None
         for _ in range(1000):
             clock.sleep(0.1)
-            told.turned(CONNECTING)
+            reported.turned(CONNECTING)
             systemd.heard()
         assert systemd.pings() == pytest.approx(40, abs=2)
         assert systemd.words.count("READY=1") == 1
@@ -148,9 +148,9 @@ def test_without_systemd_nothing_is_said() -> None:
     assert systemd_of({"NOTIFY_SOCKET": "vsock:2:1234"}, clock) is None
     name = f"@rw-ekf-{secrets.token_hex(8)}"
     with listening(name) as systemd:
-        told = systemd_of({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "1000", "WATCHDOG_PID": "1"}, clock)
-        assert told is not None
-        told.turned(None)
+        reported = systemd_of({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "1000", "WATCHDOG_PID": "1"}, clock)
+        assert reported is not None
+        reported.turned(None)
         assert systemd.heard() == ["READY=1"]
 
 

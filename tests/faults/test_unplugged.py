@@ -152,8 +152,8 @@ def test_every_call_of_a_port_may_fail(bench: Bench, wire_map: WireMap, error: B
             wheel.command_current(0.1)
             wheel.read(0.2)
             wheel.close()
-        except DriverError as told:
-            assert "failed" in str(told) or "could not be opened" in str(told)  # noqa: PT017
+        except DriverError as reported:
+            assert "failed" in str(reported) or "could not be opened" in str(reported)  # noqa: PT017
         went_through = not port[0].raised
         port[0]._port.close()  # where close itself is what failed
         again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, previous=wheel)

@@ -13,7 +13,7 @@ from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.faults.rig import FAMILY, LineWheel
-from tests.faults.test_learned_and_model import said
+from tests.faults.test_learned_and_model import stated
 from tests.live.bench import FAMILIES
 from tests.live.daemon import Ran
 from tests.live.test_blind_wheel import wrong_map
@@ -37,8 +37,8 @@ def test_a_healthy_wheel_is_confirmed_before_the_profile(tmp_path: Path, speed_r
     """Row 19: a few seconds, a tenth of an ampere, a few rpm; then the profile, and never again for this wheel."""
     wheel = LineWheel(tmp_path, speed_rad_s=speed_rad_s)
     ran = wheel.run(70.0, command=MARKED)
-    assert len(said(ran, "confirming_sign")) == 1
-    (text,) = said(ran, "sign_confirmed")
+    assert len(stated(ran, "confirming_sign")) == 1
+    (text,) = stated(ran, "sign_confirmed")
     assert "a positive current turns the wheel forward" in text
     began = profile_began(wheel)
     assert 30 < began < 80  # ten a second
@@ -49,7 +49,7 @@ def test_a_healthy_wheel_is_confirmed_before_the_profile(tmp_path: Path, speed_r
     assert known(wheel)
     wheel.written_A.clear()
     again = wheel.run(10.0, command=MARKED)
-    assert said(again, "confirming_sign") == []
+    assert stated(again, "confirming_sign") == []
     assert profile_began(wheel) < 5
 
 
@@ -68,7 +68,7 @@ def test_a_wrong_sign_never_sees_the_profile(tmp_path: Path, field: str, speed_r
     protocol = wrong_map(tmp_path, field, scale, FAMILY.get())
     limits = {"current_A": 0.3, "speed_rpm": 1000.0, "silence_s": 0.5}
     ran = wheel.run(60.0, wheel={"protocol": protocol}, limits=limits)
-    (text,) = said(ran, "wrong_sign")
+    (text,) = stated(ran, "wrong_sign")
     named = str(tmp_path / "can-wheel.dbc") if FAMILY.get() == "can-wheel" else protocol
     assert text.count(named) == 2
     assert ran.outcome.state.state.value == "SAFE"
@@ -86,13 +86,13 @@ def test_a_scale_ten_times_off_is_not_confirmed(tmp_path: Path, field: str, scal
     protocol = wrong_map(tmp_path, field, scale)
     limits = {"current_A": 0.3, "speed_rpm": 1600.0, "silence_s": 0.5}
     ran = wheel.run(60.0, wheel={"protocol": protocol}, limits=limits, command={"period_s": 8.0, "amplitude_A": 0.25})
-    (text,) = said(ran, "odd_gain")
+    (text,) = stated(ran, "odd_gain")
     assert protocol in text
     assert ran.outcome.start["sign_confirmed"] is False
     assert "learned_not_kept" in ran.notes.events
     assert not list((tmp_path / "runs").glob("*.learned.yaml"))
     again = wheel.run(5.0, wheel={"protocol": protocol}, limits=limits)
-    assert len(said(again, "confirming_sign")) == 1
+    assert len(stated(again, "confirming_sign")) == 1
 
 
 def test_a_mended_map_is_another_map(tmp_path: Path) -> None:
@@ -100,15 +100,15 @@ def test_a_mended_map_is_another_map(tmp_path: Path) -> None:
     wheel = LineWheel(tmp_path)
     wheel.run(70.0)
     ran = wheel.run(20.0, wheel={"protocol": wrong_map(tmp_path, "pressure", 2.0)})
-    assert "another wire map" in said(ran, "learned_not_used")[0]
-    assert len(said(ran, "confirming_sign")) == 1
+    assert "another wire map" in stated(ran, "learned_not_used")[0]
+    assert len(stated(ran, "confirming_sign")) == 1
 
 
 def test_stronger_friction_than_believed_takes_more_current(tmp_path: Path) -> None:
     """Row 19: three times the break-away: twice the current moves it, and it is confirmed."""
     wheel = LineWheel(tmp_path, PlantParameters(coulomb=1.8, static=2.0))
     ran = wheel.run(30.0, command={"profile": "sine", "amplitude_A": 0.3, "period_s": 10.0})
-    assert len(said(ran, "sign_confirmed")) == 1
+    assert len(stated(ran, "sign_confirmed")) == 1
     assert ran.outcome.start["sign_confirmed"] is True
 
 
@@ -118,7 +118,7 @@ def test_drag_is_no_wrong_sign(tmp_path: Path) -> None:
     for speed_rad_s in (0.0, 100.0, -100.0):
         wheel = LineWheel(tmp_path, plant, speed_rad_s=speed_rad_s)
         ran = wheel.run(20.0, fresh=True)
-        assert len(said(ran, "sign_confirmed")) == 1
+        assert len(stated(ran, "sign_confirmed")) == 1
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
@@ -134,7 +134,7 @@ def test_near_the_speed_limit_the_move_only_brakes(tmp_path: Path, sense: float)
     assert max(forward[close]) <= 0.0
     assert min(forward[close]) < -0.05
     assert max(speed) < (limit_rpm + 5.0) * RAD_S_PER_RPM
-    assert len(said(ran, "sign_confirmed")) == 1
+    assert len(stated(ran, "sign_confirmed")) == 1
 
 
 def test_a_limit_too_small_to_move_the_wheel(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_limit_too_small_to_move_the_wheel(tmp_path: Path) -> None:
     wheel = LineWheel(tmp_path)
     small = {"amplitude_A": 0.01, "bias_A": 0.0}
     ran = wheel.run(20.0, limits={"current_A": 0.02, "silence_s": 0.5}, command=small)
-    (text,) = said(ran, "sign_not_confirmed")
+    (text,) = stated(ran, "sign_not_confirmed")
     assert "0.02 A did not move the wheel (limits.current_A" in text
     assert "0.0397 A would" in text
     assert max(map(abs, wheel.written_A)) <= 0.02
@@ -157,7 +157,7 @@ def test_who_does_not_move_the_wheel_does_not_confirm_it(tmp_path: Path, command
     """Row 19: profiles none and zero make no move, and neither does who says so."""
     wheel = LineWheel(tmp_path, speed_rad_s=20.0)
     ran = wheel.run(5.0, command=command)
-    assert said(ran, "confirming_sign") == []
+    assert stated(ran, "confirming_sign") == []
     if command["profile"] != "sine":
         assert set(wheel.written_A) <= {0.0}
 
@@ -187,7 +187,7 @@ def test_a_sign_of_one_side_of_the_command_is_named_and_not_the_speed(tmp_path: 
     wheel = LineWheel(tmp_path)
     protocol = write_corrected_map(FAMILY.get(), {("current_command", access): -1.0}, tmp_path)
     ran = wheel.run(30.0, wheel={"protocol": protocol}, limits={"current_A": 0.3, "silence_s": 0.5})
-    (text,) = said(ran, "sign_not_confirmed")
+    (text,) = stated(ran, "sign_not_confirmed")
     assert text.startswith("every current that is commanded is told by telemetry with the opposite sign")
     assert "speed" not in text
     assert ran.outcome.state.state.value == "SAFE"

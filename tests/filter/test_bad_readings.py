@@ -95,10 +95,10 @@ def test_the_finding_counts_what_the_gate_predicts() -> None:
     assert finding(20, 100_000) is None
     assert finding(0, 0) is None
     for rejected, tested in ((3, 1000), (42, 141), (30, 100_000), (1000, 1000), (50_000, 1_000_000)):
-        said = finding(rejected, tested)
-        assert said is not None
-        assert f"{rejected} of {tested} readings" in said
-        assert f"({p_text(binom.sf(rejected - 1, tested, math.erfc(math.sqrt(0.5 * GATE))))})" in said
+        stated = finding(rejected, tested)
+        assert stated is not None
+        assert f"{rejected} of {tested} readings" in stated
+        assert f"({p_text(binom.sf(rejected - 1, tested, math.erfc(math.sqrt(0.5 * GATE))))})" in stated
 
 
 @pytest.mark.parametrize("kind", ["none", "5"])

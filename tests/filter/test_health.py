@@ -135,10 +135,10 @@ def test_broken_arithmetic_falls_back_to_the_last_good_belief(
     if missing:
         log.speed_rad_s[3000:3005] = np.nan
     estimator, results = broken(log, 3000, damage)
-    told = [r.health for r in results if r.health is not None]
-    assert told
-    assert {h.trouble for h in told} <= troubles
-    first = told[0]
+    reported = [r.health for r in results if r.health is not None]
+    assert reported
+    assert {h.trouble for h in reported} <= troubles
+    first = reported[0]
     assert first.reset is FilterReset.PARAMETERS
     assert not first.beyond_mending
     assert 300.0 <= first.time_s <= 311.0
@@ -158,10 +158,10 @@ def test_a_filter_that_breaks_again_begins_anew_and_is_then_given_up() -> None:
     log, _ = changing_wheel(5, n=6000)
     _, results = broken(log, 3000, _nan_gain, times=5, every=3)
     resets = {r.health.time_s: r.health for r in results if r.health is not None}
-    told = [resets[t] for t in sorted(resets)]
-    assert [h.reset for h in told] == [FilterReset.PARAMETERS, *[FilterReset.ALL] * 4]
-    assert [h.beyond_mending for h in told] == [False, False, False, True, True]
-    assert "only a person" in told[-1].text
+    reported = [resets[t] for t in sorted(resets)]
+    assert [h.reset for h in reported] == [FilterReset.PARAMETERS, *[FilterReset.ALL] * 4]
+    assert [h.beyond_mending for h in reported] == [False, False, False, True, True]
+    assert "only a person" in reported[-1].text
     assert results[-1].health is None
 
 
@@ -171,8 +171,8 @@ def test_readings_that_never_agree_are_told_and_teach_nothing(seed: int) -> None
     log, _ = changing_wheel(6, n=6000)
     log.speed_rad_s[3000:4200] = np.random.default_rng(seed).uniform(-2000.0, 2000.0, 1200)
     estimator, results = online(log, constants_for(), DEFAULT_PRIOR)
-    told = {(r.health.trouble, r.health.reset) for r in results if r.health is not None}
-    assert told <= {(FilterTrouble.LOCKED_OUT, FilterReset.NOTHING)}
+    reported = {(r.health.trouble, r.health.reset) for r in results if r.health is not None}
+    assert reported <= {(FilterTrouble.LOCKED_OUT, FilterReset.NOTHING)}
     assert estimator.findings == []
     assert results[-1].health is None
     error = estimator.mean[PARAMETERS] - TRUE
@@ -190,9 +190,9 @@ def test_a_step_that_no_wheel_can_take_locks_out_until_the_readings_have_agreed_
     assert 3098 <= at <= 3110
     assert np.array_equal(run.states[at, PARAMETERS], run.states[at - 1, PARAMETERS])
     _, results = online(log, constants_for(), DEFAULT_PRIOR)
-    told = results[at].health
-    assert told is not None
-    assert told.reset is FilterReset.SPEED
+    reported = results[at].health
+    assert reported is not None
+    assert reported.reset is FilterReset.SPEED
     assert results[at].outcome is Outcome.RESEEDED
 
 
@@ -201,8 +201,8 @@ def test_one_number_repeated_is_not_believed_however_long() -> None:
     log, _ = changing_wheel(7, n=6000)
     log.speed_rad_s[3000:5000] = 250.0
     _, results = online(log, constants_for(), DEFAULT_PRIOR)
-    told = {(r.health.trouble, r.health.reset) for r in results if r.health is not None}
-    assert told == {(FilterTrouble.LOCKED_OUT, FilterReset.NOTHING)}
+    reported = {(r.health.trouble, r.health.reset) for r in results if r.health is not None}
+    assert reported == {(FilterTrouble.LOCKED_OUT, FilterReset.NOTHING)}
     assert results[-1].health is None
     assert results[-1].outcome is Outcome.UPDATED
 
@@ -256,7 +256,7 @@ def test_no_reset_in_two_hundred_healthy_hours(rate_hz: float) -> None:
     """
     hours = 200.0 if rate_hz < 20.0 else 40.0
     samples, seed, done_h = int(3600.0 * rate_hz), 0, 0.0
-    belief, told = DEFAULT_PRIOR, []
+    belief, reported = DEFAULT_PRIOR, []
     while done_h < hours:
         rng = np.random.default_rng([seed, 17])
         time_s = np.linspace(0.0, (samples - 1) / rate_hz, samples)
@@ -277,12 +277,12 @@ def test_no_reset_in_two_hundred_healthy_hours(rate_hz: float) -> None:
         reading[burst : burst + int(rng.integers(2, int(5 * rate_hz)))] += rng.normal(0.0, 100.0)
         reading[rng.random(samples) < 0.3] = np.nan
         run = compiled(Columns(time_s, reading, current), constants_for(), belief)
-        told += troubles_of(run.mended)
+        reported += troubles_of(run.mended)
         belief = Belief(run.mean, run.covariance)
         done_h += 1.0
         seed += 1
-    assert set(told) <= {FilterTrouble.LOCKED_OUT}
-    assert len(told) <= 0.02 * hours
+    assert set(reported) <= {FilterTrouble.LOCKED_OUT}
+    assert len(reported) <= 0.02 * hours
 
 
 def test_frozen_filters_are_never_reset() -> None:

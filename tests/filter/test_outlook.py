@@ -108,9 +108,9 @@ def test_a_time_that_went_back_leaves_the_forecast_where_the_belief_is() -> None
     for i in range(5):
         before = estimator.step(WheelSample(i * PERIOD_S, 5.0))
         estimator.command_issued(IssuedCommand(0.05, LATE_S))
-    said = estimator.step(WheelSample(0.1, 5.0))
-    assert said.outcome is Outcome.BACKWARD
-    assert said.friction_value_rad_s2(5.0) == before.friction_value_rad_s2(5.0)
-    assert said.current_for_A(1.0) == before.current_for_A(1.0)
+    stated = estimator.step(WheelSample(0.1, 5.0))
+    assert stated.outcome is Outcome.BACKWARD
+    assert stated.friction_value_rad_s2(5.0) == before.friction_value_rad_s2(5.0)
+    assert stated.current_for_A(1.0) == before.current_for_A(1.0)
     later = before.outlook().end_rad_s(0.05, PERIOD_S)
-    assert said.outlook().end_rad_s(0.05, PERIOD_S) == pytest.approx(later, abs=1e-2)  # of a command issued since
+    assert stated.outlook().end_rad_s(0.05, PERIOD_S) == pytest.approx(later, abs=1e-2)  # of a command issued since

@@ -15,7 +15,7 @@ from rw_ekf.cli import main
 from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
-from rw_ekf.fleet.diagnoses import Diagnosable, diagnose_windows, read_diagnoses, windows_asked
+from rw_ekf.fleet.diagnoses import Diagnosable, diagnose_windows, read_diagnoses, windows_wanted
 from rw_ekf.fleet.executors import ProcessExecutor
 from rw_ekf.fleet.folder import FleetFolder, fleet_folder
 from rw_ekf.fleet.index import built_index, read_index
@@ -60,12 +60,12 @@ def test_an_undeclared_drag_is_found_on_the_days_that_have_it(logs: Path, execut
     """
     folder = fleet_folder(logs)
     run_with(executor, logs)
-    asked, _ = windows_of(rw_ekf.fleet.trends(logs).worst_first, 10)
-    assert {window.wheel for window in asked} == {"drags"}
-    assert any(window.day >= f"2026-03-{_EFFECT_FROM + 1:02d}" for window in asked)
+    wanted, _ = windows_of(rw_ekf.fleet.trends(logs).worst_first, 10)
+    assert {window.wheel for window in wanted} == {"drags"}
+    assert any(window.day >= f"2026-03-{_EFFECT_FROM + 1:02d}" for window in wanted)
     early = Window("drags", "2026-03-02", "drags/2026-03-02.parquet", "to compare")
     sound = Window("sound", "2026-03-06", "sound/2026-03-06.parquet", "to compare")
-    found = _finding(folder, executor, *asked, early, sound)
+    found = _finding(folder, executor, *wanted, early, sound)
     check_document(found.document())
     assert found.whole
     for window in found.windows:
@@ -74,7 +74,7 @@ def test_an_undeclared_drag_is_found_on_the_days_that_have_it(logs: Path, execut
         if late:
             assert window.model is not None
             assert read_model(folder.path / window.model).effects.size == 1
-    again = _finding(folder, executor, *asked, early, sound)
+    again = _finding(folder, executor, *wanted, early, sound)
     assert (again.computed, again.windows) == (0, found.windows)
     assert read_diagnoses(folder)["drags"] == [window for window in found.windows if window.wheel == "drags"]
 
@@ -114,11 +114,11 @@ def test_what_was_cut_short_changed_or_failed(logs: Path, tmp_path: Path) -> Non
     content = changed.read_bytes()
     changed.write_bytes(content[:500] + bytes(64) + content[564:])
     index = built_index(here, read_index(folder), keep_gone=True)
-    asked = windows_asked(Diagnosable.of(folder, index, FleetSettings()), rw_ekf.fleet.trends(here).worst_first, 9)
-    assert asked == ([], 0)
+    wanted = windows_wanted(Diagnosable.of(folder, index, FleetSettings()), rw_ekf.fleet.trends(here).worst_first, 9)
+    assert wanted == ([], 0)
     others = Diagnosable.of(folder, index, FleetSettings(columns_text="others"))
     with pytest.raises(BadInputError, match="no result in it is of these logs"):
-        windows_asked(others, [], 9)
+        windows_wanted(others, [], 9)
     assert not rw_ekf.fleet.run(here, workers=1).whole
     assert [each.day for each in read_diagnoses(folder)["sound"]] == ["2026-03-01"]
 
@@ -134,8 +134,8 @@ def test_a_full_disk_is_no_result(logs: Path, tmp_path: Path, monkeypatch: pytes
 
     found: list[Diagnosis] = []
 
-    def diagnosed_once(*asked: Any) -> Diagnosis:
-        found[:] = found or [diagnose_log(*asked)]
+    def diagnosed_once(*wanted: Any) -> Diagnosis:
+        found[:] = found or [diagnose_log(*wanted)]
         return found[0]
 
     monkeypatch.setattr("rw_ekf.diagnosis.log_diagnosis.diagnose_log", diagnosed_once)
@@ -183,28 +183,28 @@ def test_wheels_that_are_passed_over_are_named(logs: Path, tmp_path: Path) -> No
         (here / wheel).mkdir(parents=True)
         (here / wheel / "2026-03-01.parquet").write_bytes((logs / wheel / "2026-03-01.parquet").read_bytes())
     assert rw_ekf.fleet.run(here, workers=1).whole
-    told = rw_ekf.fleet.diagnose(here, workers=1)
-    assert (told.without_results, told.without_model) == ((), ())
+    reported = rw_ekf.fleet.diagnose(here, workers=1)
+    assert (reported.without_results, reported.without_model) == ((), ())
     models = tmp_path / "models"
     models.mkdir()
     MODEL.save(models / "drags.yaml")
-    told = rw_ekf.fleet.diagnose(here, model=models, workers=1)
-    check_document(told.document())
-    assert (told.document()["without_results"], told.document()["without_model"]) == (["drags"], ["sound"])
-    passed, alone = told.text().splitlines()[-2:]
+    reported = rw_ekf.fleet.diagnose(here, model=models, workers=1)
+    check_document(reported.document())
+    assert (reported.document()["without_results"], reported.document()["without_model"]) == (["drags"], ["sound"])
+    passed, alone = reported.text().splitlines()[-2:]
     assert passed.startswith("  1 wheel (drags) passed over, for no result of theirs is of these settings: `fleet run`")
     assert alone == "  1 wheel (sound) without a model in --model: judged from their first log on"
 
 
 def test_wrong_words_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing run yet; --most of another action; --most 0."""
-    for arguments, said in (
+    for arguments, stated in (
         (["fleet", "diagnose", str(tmp_path)], "has no results yet"),
         (["fleet", "trends", str(tmp_path), "--most", "3"], "--most 3: counts the windows of `fleet diagnose`"),
         (["fleet", "diagnose", str(tmp_path), "--most", "0"], "1 or more"),
     ):
         assert main(arguments) == 2
-        assert said in capsys.readouterr().err
+        assert stated in capsys.readouterr().err
 
 
 def test_the_command_has_the_document(logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

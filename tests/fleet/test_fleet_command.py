@@ -158,7 +158,7 @@ def test_logs_of_the_daemon_s_kind_are_found_by_metadata(tmp_path: Path, capsys:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "stated"),
     [
         (["fleet", "run", "{}/nowhere"], "is no directory of logs"),
         (["fleet", "run", "{}"], "holds no log of which it is known"),
@@ -174,11 +174,11 @@ def test_logs_of_the_daemon_s_kind_are_found_by_metadata(tmp_path: Path, capsys:
     ],
 )
 def test_bad_input_is_told_with_status_2(
-    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], stated: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One sentence, no traceback."""
     assert main([text.format(tmp_path) for text in arguments]) == 2
-    assert said in capsys.readouterr().err
+    assert stated in capsys.readouterr().err
 
 
 def test_a_configuration_of_several_wheels_is_taken_with_the_name_of_one(
@@ -192,8 +192,8 @@ def test_a_configuration_of_several_wheels_is_taken_with_the_name_of_one(
         raise rw_ekf.Error("far enough")
 
     monkeypatch.setattr("rw_ekf.fleet.fleet_api.run", take)
-    asked = ["fleet", "run", str(tmp_path), "--config", "bus", "--scheduler", "none"]
-    assert main(asked) == 2
+    wanted = ["fleet", "run", str(tmp_path), "--config", "bus", "--scheduler", "none"]
+    assert main(wanted) == 2
     assert "say which one is meant: --wheel NAME, of rw-x, rw-y" in capsys.readouterr().err
-    main([*asked, "--wheel", "rw-y"])
+    main([*wanted, "--wheel", "rw-y"])
     assert [configuration.wheel.name for configuration in taken] == ["rw-y"]

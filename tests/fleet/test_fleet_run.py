@@ -212,11 +212,11 @@ def test_a_wheel_goes_on_from_the_day_before(tmp_path: Path) -> None:
     What a log alone says is the belief less what it began with, against a filter that began from nothing.
     """
     here = make_fleet(tmp_path / "two", wheels=1, days=2, spikes_per_100_days=0.0)
-    told = FleetSettings(models={EVERY_WHEEL: replace(MODEL, speed_noise_rad_s=0.105, acceleration_noise=0.00314)})
-    run_with(InThisProcess(), here, told)
+    reported = FleetSettings(models={EVERY_WHEEL: replace(MODEL, speed_noise_rad_s=0.105, acceleration_noise=0.00314)})
+    run_with(InThisProcess(), here, reported)
     alone = make_fleet(tmp_path / "one", wheels=1, days=2, spikes_per_100_days=0.0)
     (alone / "wheel=W00000" / "2026-01-01.parquet").unlink()
-    run_with(InThisProcess(), alone, told)
+    run_with(InThisProcess(), alone, reported)
 
     def second(directory: Path) -> dict[str, Any]:
         (path,) = (fleet_folder(directory).results / "wheel=W00000" / "day=2026-01-02").iterdir()

@@ -237,15 +237,15 @@ def test_a_level_has_its_day() -> None:
     stds = {name: np.where(failed, np.nan, std) for name, std in days.stds.items()}
     stds["static"][10:] = 1.0
     torn = replace(days, ok=~failed, status=status, stds=stds)
-    told = Trends("fleet", trends_of([replace(days, wheel="A"), replace(torn, wheel="B")], {}), {})
-    by_wheel = {each["wheel"]: each for each in told.document()["wheels"]}
+    reported = Trends("fleet", trends_of([replace(days, wheel="A"), replace(torn, wheel="B")], {}), {})
+    by_wheel = {each["wheel"]: each for each in reported.document()["wheels"]}
     assert {each["level_day"] for each in by_wheel["A"]["parameters"].values()} == {by_wheel["A"]["last_day"]}
     levels = {name: each["level_day"] for name, each in by_wheel["B"]["parameters"].items()}
     assert levels == {**dict.fromkeys(levels, "2026-01-17"), "static": "2026-01-10"}
-    said = "3 of its 20 logs failed, the newest among them: what is told of it is of 2026-01-17 at the latest"
-    assert f"B: {said}" in told.text()
-    page = page_of(told)
-    assert said in page
+    stated = "3 of its 20 logs failed, the newest among them: what is told of it is of 2026-01-17 at the latest"
+    assert f"B: {stated}" in reported.text()
+    page = page_of(reported)
+    assert stated in page
     assert "on 2026-01-17, " in page
     assert "on 2026-01-10, " in page
 

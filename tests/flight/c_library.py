@@ -74,7 +74,7 @@ class InC:
     trouble: Int64Array
     mean: Float64Array
     covariance: Float64Array
-    asked_A: Float64Array
+    wanted_A: Float64Array
 
 
 def setup_for(
@@ -103,10 +103,10 @@ def gcc(folder: Path, *arguments: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def compiled(folder: Path, estimator: Estimator, *, single: bool = False, asked: str = "asked[i] = 0.0;") -> Any:
+def compiled(folder: Path, estimator: Estimator, *, single: bool = False, wanted: str = "asked[i] = 0.0;") -> Any:
     """The library, compiled with every warning an error."""
     write_c(folder, estimator, single=single)
-    (folder / "harness.c").write_text(_HARNESS.replace("ASKED", asked))
+    (folder / "harness.c").write_text(_HARNESS.replace("ASKED", wanted))
     gcc(folder, *STRICT, *EXACT, "-fPIC", "-shared", "rw_ekf.c", "harness.c", "-o", "rw_ekf.so", "-lm")
     return ctypes.CDLL(str(folder / "rw_ekf.so"))
 
@@ -125,10 +125,10 @@ def in_c(
     ])  # fmt: skip
     begins = np.diff(log.segment, prepend=log.segment[0]).astype(np.int32)
     outcome, trouble = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    mean, covariance, asked = np.zeros((n, size)), np.zeros((n, size, size)), np.zeros(n)
-    arrays = (np.ascontiguousarray(rows), begins, outcome, trouble, mean, covariance, asked)
+    mean, covariance, wanted = np.zeros((n, size)), np.zeros((n, size, size)), np.zeros(n)
+    arrays = (np.ascontiguousarray(rows), begins, outcome, trouble, mean, covariance, wanted)
     library.run(n, *(array.ctypes.data_as(ctypes.c_void_p) for array in arrays))
-    return InC(outcome.astype(np.int64), trouble.astype(np.int64), mean, covariance, asked)
+    return InC(outcome.astype(np.int64), trouble.astype(np.int64), mean, covariance, wanted)
 
 
 def same_bits(one: Float64Array, other: Float64Array) -> bool:

@@ -81,14 +81,14 @@ def test_both_frictions_are_written_down() -> None:
 def test_effects_that_have_no_place_are_named() -> None:
     """All but another Stribeck curve, which betaStatic follows."""
     plain = basilisk_document(wheel_model(inertia_kg_m2=_J), None)
-    assert not any("effects" in said for said in plain["not_carried"])
+    assert not any("effects" in stated for stated in plain["not_carried"])
     (shape,) = in_use("stribeck_shape").terms
     wide = Term.of(shape.effect, shape.shape, 2.0 * wheel_model().stribeck.omega_s, 0.1)
     effects = EffectSet((*in_use("quadratic_drag", "friction_lag").terms, wide))
     document = basilisk_document(wheel_model(effects, _J), 0.5)
-    (said,) = [said for said in document["not_carried"] if said.startswith("effects")]
-    assert "quadratic_drag, friction_lag" in said
-    assert "stribeck_shape" not in said
+    (stated,) = [stated for stated in document["not_carried"] if stated.startswith("effects")]
+    assert "quadratic_drag, friction_lag" in stated
+    assert "stribeck_shape" not in stated
     assert document["create"]["betaStatic"] == pytest.approx(2.0 * plain["create"]["betaStatic"])
 
 
@@ -115,8 +115,8 @@ def _in_basilisk(made: dict[str, Any], torque_N_m: float, speed_rad_s: float, un
     factory.addToSpacecraft("wheels", wheels, body)
     command = messaging.ArrayMotorTorqueMsgPayload()
     command.motorTorque = [torque_N_m]
-    told = messaging.ArrayMotorTorqueMsg().write(command)
-    wheels.rwMotorCmdInMsg.subscribeTo(told)
+    reported = messaging.ArrayMotorTorqueMsg().write(command)
+    wheels.rwMotorCmdInMsg.subscribeTo(reported)
     record = wheels.rwOutMsgs[0].recorder()
     for part in (body, wheels, record):
         run.AddModelToTask("steps", part)

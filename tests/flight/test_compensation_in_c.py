@@ -19,7 +19,7 @@ from tests.filter.effect_replay import believed, in_use, rough_log
 from tests.flight.c_library import compiled, in_c, needs_gcc, same_bits, setup_for
 from tools.measure.runs import constants_for
 
-_ASKED = {
+_WANTED = {
     "dmc": "asked[i] = (double)rw_ekf_dmc_current(&held, i % 60 < 30 ? 0.2 : -0.2);",
     "crossing": (
         "static struct rw_crossing crossing; if (i == 0) { rw_ekf_crossing_start(&crossing); }"
@@ -39,7 +39,7 @@ def test_currents_are_those_of_the_scheme(scheme: str, effects: EffectSet, tmp_p
     log, temperature, angle = rough_log(5)
     log.delay_s[:] = _DELAY_S
     belief, drift = believed(effects), np.full(effects.size, 1.0e-9)
-    library = compiled(tmp_path, setup_for(constants_for(), belief, effects, drift), asked=_ASKED[scheme])
+    library = compiled(tmp_path, setup_for(constants_for(), belief, effects, drift), wanted=_WANTED[scheme])
     found = in_c(library, log, len(belief.mean), temperature, angle)
 
     estimator = Estimator(constants_for(), belief.mean, belief.covariance, effects, drift)
@@ -59,4 +59,4 @@ def test_currents_are_those_of_the_scheme(scheme: str, effects: EffectSet, tmp_p
         expected.append(compensation.current_A(Tick(sample, estimate), request, known))
         estimator.command_issued(IssuedCommand(float(log.current_A[i]), _DELAY_S))
     assert len(set(expected)) > len(expected) // 2
-    assert same_bits(found.asked_A, np.array(expected))
+    assert same_bits(found.wanted_A, np.array(expected))

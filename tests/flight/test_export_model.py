@@ -141,10 +141,10 @@ def test_it_compiles_as_strictly_for_a_cortex_m4(single: bool, tmp_path: Path) -
 def test_its_self_test_passes_on_a_cortex_m4(single: bool, tmp_path: Path) -> None:
     """Emulated, with newlib's mathematics; memory and stack of the four-parameter filter are below 4 kB together."""
     exported(tmp_path, single=single)
-    status, said = run_on_m4(tmp_path, other_libm=True)
-    assert status == 0, said
-    found = re.search(r"(\d+) bytes of stack at most; (\d+) bytes of memory", said)
-    assert found is not None, said
+    status, stated = run_on_m4(tmp_path, other_libm=True)
+    assert status == 0, stated
+    found = re.search(r"(\d+) bytes of stack at most; (\d+) bytes of memory", stated)
+    assert found is not None, stated
     assert int(found[1]) + int(found[2]) <= 4096
 
 
@@ -176,7 +176,7 @@ def test_a_file_of_ones_own_is_not_replaced(tmp_path: Path, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize(
-    ("effects", "options", "said"),
+    ("effects", "options", "stated"),
     [
         (in_use("actuator_lag"), [], "actuator_lag has a memory of its own"),
         (in_use("presliding_hysteresis"), [], "presliding_hysteresis has a memory of its own"),
@@ -185,14 +185,14 @@ def test_a_file_of_ones_own_is_not_replaced(tmp_path: Path, capsys: pytest.Captu
     ],
 )
 def test_what_cannot_be_exported_is_refused_by_name(
-    effects: EffectSet, options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    effects: EffectSet, options: list[str], stated: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One sentence that names the effect, exit status 2, and nothing is written."""
     folder = tmp_path / "c"
     assert main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *options]) == 2
-    told = capsys.readouterr().err
-    assert said in told
-    assert len(told.splitlines()) == 1
+    reported = capsys.readouterr().err
+    assert stated in reported
+    assert len(reported.splitlines()) == 1
     assert not folder.exists()
 
 
@@ -215,15 +215,15 @@ def test_a_formula_of_ones_own_that_is_refused(
 ) -> None:
     """One of the time in single precision, as the catalogue's; one with the name of something else in the C."""
     monkeypatch.setitem(OWN, "states", OWN["eddy"])
-    for name, options, said in (
+    for name, options, stated in (
         ("weak", ["--float"], "weak is a function of the time"),
         ("states", [], "your effect states is the name of something else"),
     ):
         model = str(model_file(tmp_path, own_effects(tmp_path, name)))
         assert main(["export-model", "--c", str(tmp_path / "c"), model, *options]) == 2
-        told = capsys.readouterr().err
-        assert said in told
-        assert len(told.splitlines()) == 1
+        reported = capsys.readouterr().err
+        assert stated in reported
+        assert len(reported.splitlines()) == 1
         assert not (tmp_path / "c").exists()
 
 

@@ -42,10 +42,10 @@ def test_what_is_written_is_told(option: str, name: str, tmp_path: Path, capsys:
     check_document(document)
     assert document["out"] == out
     assert _run(tmp_path, option, out, *more, effects=in_use("quadratic_drag")) == 0
-    told = capsys.readouterr()
-    assert told.out.startswith(f"{out}: ")
-    assert "  - " in told.out
-    assert told.err == ""
+    reported = capsys.readouterr()
+    assert reported.out.startswith(f"{out}: ")
+    assert "  - " in reported.out
+    assert reported.err == ""
 
 
 @pytest.mark.parametrize(("option", "name"), _FORMS)
@@ -67,9 +67,9 @@ def test_a_formula_of_ones_own(
     out.unlink()
     monkeypatch.setitem(OWN, "friction", OWN["eddy"])
     assert _run(tmp_path, option, str(out), *more, effects=own_effects(tmp_path, "friction")) == 2
-    told = capsys.readouterr().err
-    assert "your effect friction is the name of something else" in told
-    assert len(told.splitlines()) == 1
+    reported = capsys.readouterr().err
+    assert "your effect friction is the name of something else" in reported
+    assert len(reported.splitlines()) == 1
     assert not out.exists()
 
 
@@ -89,7 +89,7 @@ def test_a_name_of_a_model_that_is_no_text(option: str, name: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "stated"),
     [
         (["--fmu", "wheel.zip"], "give a file that ends in .fmu"),
         (["--matlab", "wheel.txt"], "give a file that ends in .m"),
@@ -109,7 +109,11 @@ def test_a_name_of_a_model_that_is_no_text(option: str, name: str, tmp_path: Pat
     ],
 )
 def test_wrong_input_is_a_sentence(
-    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    arguments: list[str],
+    stated: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Exit status 2, and no file."""
     monkeypatch.chdir(tmp_path)
@@ -118,7 +122,7 @@ def test_wrong_input_is_a_sentence(
     except SystemExit as error:
         status = int(str(error.code))
     assert status == 2
-    assert said in capsys.readouterr().err
+    assert stated in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["wheel.yaml"]
 
 
@@ -128,10 +132,10 @@ def test_without_a_compiler_it_says_so(
     """The FMU has sources and no library; a warning says what to do, and the exit status is 0."""
     monkeypatch.setenv("CC", "no-compiler-of-this-name")
     assert _run(tmp_path, "--fmu", str(tmp_path / "wheel.fmu")) == 0
-    told = capsys.readouterr()
-    assert "no C compiler is found" in told.err
-    assert "write it again where there is a compiler" in told.err
-    assert "sources alone" in told.out
+    reported = capsys.readouterr()
+    assert "no C compiler is found" in reported.err
+    assert "write it again where there is a compiler" in reported.err
+    assert "sources alone" in reported.out
     names = zipfile.ZipFile(tmp_path / "wheel.fmu").namelist()
     assert "sources/wheel.c" in names
     assert not any(name.startswith("binaries/") for name in names)

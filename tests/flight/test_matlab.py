@@ -107,12 +107,12 @@ def test_the_friction_curve_and_the_help(tmp_path: Path) -> None:
     """Friction at rest, at a Stribeck speed and far from it, either way; a longer step; arguments left out."""
     model = wheel_model(inertia_kg_m2=1.5e-3)
     export_matlab(model, tmp_path / "wheel.m")
-    said = _octave(
+    stated = _octave(
         tmp_path,
         "p = wheel(); printf('%.17g ', p.friction(p, [0 0.4 -0.4 50]), p.inertia_kg_m2, wheel(20, 0, 1), "
         "wheel(20, 0, 1, p)); help wheel",
     )
-    numbers = [float(text) for text in said.split()[:7]]
+    numbers = [float(text) for text in stated.split()[:7]]
     _, k, b, c, s = model.x.tolist()
     assert k > 0.0
     curve = (b, c, s, model.stribeck.omega_s, model.stribeck.law)
@@ -121,16 +121,16 @@ def test_the_friction_curve_and_the_help(tmp_path: Path) -> None:
     assert numbers[4] == 1.5e-3
     after = followed(model, Drive(np.zeros(10), np.full(10, 20.0)), speed_rad_s=20.0).speed_rad_s[-1]
     assert numbers[5:] == pytest.approx([after, after], rel=1.0e-12)
-    assert "printed by rw_ekf" in said
+    assert "printed by rw_ekf" in stated
 
 
 def test_what_is_not_in_it_is_said(tmp_path: Path) -> None:
     """A delay and a window, in the document and in the file's header, each with its size."""
     found = export_matlab(wheel_model(in_use("transport_delay", "speed_averaging")), tmp_path / "wheel.m")
     head = (tmp_path / "wheel.m").read_text().split("if nargin")[0]
-    for said in (" ".join(found["remarks"]), head):
-        assert re.search(r"transport_delay is not in it: delay the current by [\d.]+ s", said)
-        assert re.search(r"speed_averaging is not in it: .* means over\s+[\d.]+ s", said)
+    for stated in (" ".join(found["remarks"]), head):
+        assert re.search(r"transport_delay is not in it: delay the current by [\d.]+ s", stated)
+        assert re.search(r"speed_averaging is not in it: .* means over\s+[\d.]+ s", stated)
 
 
 @pytest.mark.parametrize("name", ["2wheels", "my-wheel", "w" * 64])

@@ -95,7 +95,7 @@ def spoilt(tmp_path: Path, old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "stated"),
     [
         ("altitude_km", "altitude", r":18:3: unknown key flyby.altitude; did you mean 'altitude_km'"),
         ("spacecraft:", "spacecraftt:", r":12:1: unknown section spacecraftt; did you mean 'spacecraft'"),
@@ -117,11 +117,11 @@ def spoilt(tmp_path: Path, old: str, new: str) -> str:
     ],
 )
 def test_a_geometry_that_is_none_is_refused_at_its_place(
-    old: str, new: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    old: str, new: str, stated: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Unknown keys, axes that are no unit vectors or span no space, impossible inertias and windows: status 2."""
     errors = refused(capsys, "--geometry", spoilt(tmp_path, old, new), "--rates", "1,2,3")
-    assert said in errors
+    assert stated in errors
     assert "geometry.yaml:" in errors
 
 

@@ -119,11 +119,11 @@ def test_replies_of_a_wheel_with_an_address_are_told_apart_by_their_register(tmp
     register = wire_map_of(str(own)).register("speed")
     assert register is not None
     data = encode_register(register, {"speed": 100.0, "temperature": 25.0, "word": 4.0})
-    for content, name, told in (
+    for content, name, reported in (
         (bytes((7, 30, 200)) + data, "speed_speed", 100.0), (bytes((7, 30, 2, 0)), "limits_status_status", "ok")
     ):  # fmt: skip
         body = content + crc16(content, "crc16-x25").to_bytes(2, "little")
-        assert definition.parse_bytes(body, root_container_name="Reply")[name] == told
+        assert definition.parse_bytes(body, root_container_name="Reply")[name] == reported
 
 
 @pytest.mark.parametrize("name", ["nsp-wheel", "nsp-wheel-torque", "nsp-wheel-large"])
@@ -151,8 +151,8 @@ def test_replies_of_an_nsp_wheel_are_decoded_and_its_commands_are_the_driver_s(n
             read = definition.parse_bytes(body, root_container_name="Reply")
             values = decode_register(register, data)
             for field in register.fields:
-                told = values[field.name] / UNITS[field.unit][1]
-                assert float(read[f"{register.name}_{field.name}"]) == pytest.approx(told)
+                reported = values[field.name] / UNITS[field.unit][1]
+                assert float(read[f"{register.name}_{field.name}"]) == pytest.approx(reported)
 
 
 def test_the_document_has_units_ranges_and_every_command(wire_map: tuple[str, WireMap], tmp_path: Path) -> None:
@@ -275,14 +275,14 @@ def test_frames_of_a_served_wheel_are_decoded(tmp_path: Path) -> None:
 def test_what_has_no_such_packets_or_no_map_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A family that is not described, and why; no such name; the map itself in the way: one sentence, status 2."""
     out = str(tmp_path / "wheel.xml")
-    for name, said in (
+    for name, stated in (
         ("can-wheel", "its DBC"), ("ascii-wheel", "lines of text"),
         ("vesc-wheel", "the mask of its request"),
     ):  # fmt: skip
         assert main(["export", name, out]) == 2
-        told = capsys.readouterr().err
-        assert f"{name}: XTCE and COSMOS are written of wire maps of registers alone" in told
-        assert said in told
+        reported = capsys.readouterr().err
+        assert f"{name}: XTCE and COSMOS are written of wire maps of registers alone" in reported
+        assert stated in reported
     assert main(["export", "no-such-map", out]) == 2
     assert "no-such-map" in capsys.readouterr().err
     own = tmp_path / "map.txt"

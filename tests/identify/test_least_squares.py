@@ -179,8 +179,8 @@ def test_the_covariance_answers_for_a_wrong_noise() -> None:
     """Told 1 rpm where the readings have 3, the sigmas come out as if told 3: the residual decides."""
     run = run_of("P2", 8, noise_rpm=3.0)
     misled = least_squares(run.course, constants_for(1.0), DEFAULT_PRIOR)
-    told = least_squares(run.course, constants_for(3.0), DEFAULT_PRIOR)
-    assert misled.std == pytest.approx(told.std, rel=0.1)
+    reported = least_squares(run.course, constants_for(3.0), DEFAULT_PRIOR)
+    assert misled.std == pytest.approx(reported.std, rel=0.1)
 
 
 def test_too_few_readings_are_refused() -> None:

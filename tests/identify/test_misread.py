@@ -18,11 +18,11 @@ from tests.identify.misread_logs import HEALTHY, MACHINES, MISREADINGS, WHEEL, h
 OF_ANY_SIZE = ("sign", "ms", "us", "int16 speed", "clock back", "set-point", "reversed, no time", "swapped")
 
 
-def said_of(log: Path, columns: Path | None) -> str:
+def sentence_about(log: Path, columns: Path | None) -> str:
     try:
         read = read_log(log, columns)
-        found, asked = misreadings_and_questions(read)
-        return " ".join(found or asked)
+        found, wanted = misreadings_and_questions(read)
+        return " ".join(found or wanted)
     except LogError as error:
         return str(error)
 
@@ -30,22 +30,22 @@ def said_of(log: Path, columns: Path | None) -> str:
 @pytest.mark.parametrize("how", MISREADINGS)
 def test_a_misread_log_of_a_wheel_is_named_with_the_line_that_mends_it(how: str, tmp_path: Path) -> None:
     """Each way of misreading is said in one sentence that holds the line of the map."""
-    said = said_of(*misread(tmp_path / "log.csv", how, WHEEL, 21))
-    assert all(line in said for line in MISREADINGS[how]), said
-    assert "\n" not in said
+    stated = sentence_about(*misread(tmp_path / "log.csv", how, WHEEL, 21))
+    assert all(line in stated for line in MISREADINGS[how]), stated
+    assert "\n" not in stated
 
 
 @pytest.mark.parametrize("how", OF_ANY_SIZE)
 def test_a_misread_log_of_a_machine_of_another_size_is_named(how: str, tmp_path: Path) -> None:
     """What the motion shows does not depend on the size: a motor with 70 rad/s^2/A that settles in half a second."""
-    said = said_of(*misread(tmp_path / "log.csv", how, MACHINES["small motor"], 22))
-    assert all(line in said for line in MISREADINGS[how]), said
+    stated = sentence_about(*misread(tmp_path / "log.csv", how, MACHINES["small motor"], 22))
+    assert all(line in stated for line in MISREADINGS[how]), stated
 
 
 @pytest.mark.parametrize(("name", "kind"), HEALTHY)
 def test_a_healthy_log_is_not_accused(name: str, kind: str, tmp_path: Path) -> None:
     """Machines of six sizes, one way, coasting, braking, hardly driven: nothing is said."""
-    assert said_of(*healthy(tmp_path / "log.csv", name, kind, 23)) == ""
+    assert sentence_about(*healthy(tmp_path / "log.csv", name, kind, 23)) == ""
 
 
 @pytest.mark.parametrize(
@@ -55,11 +55,11 @@ def test_the_line_that_is_said_mends_the_log(how: str, tmp_path: Path) -> None:
     """With that line in the map, and nothing else changed, nothing is said any more."""
     log, columns = misread(tmp_path / "log.csv", how, WHEEL, 24)
     assert columns is not None
-    line = said_of(log, columns).split("`")[1]
+    line = sentence_about(log, columns).split("`")[1]
     old = {"rate_hz": "time_s", "reverse": "-"}.get(line.split(":")[0], line.split(":")[0])
     kept = [text for text in columns.read_text().splitlines() if not text.startswith(old)]
     columns.write_text("\n".join([*kept, line]) + "\n")
-    assert said_of(log, columns) == ""
+    assert sentence_about(log, columns) == ""
 
 
 def test_no_verb_builds_on_a_log_with_a_sign_turned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -86,9 +86,9 @@ def test_lost_rows_and_rows_out_of_order_are_no_clock_that_was_set(tmp_path: Pat
     m = motion(WHEEL, "steps", 26)
     columns = {"time_s": m.t, "speed_rad_s": m.reading, "current_A": m.drive}
     there = (m.t < 100.0) | (m.t > 104.0)
-    assert said_of(*write(tmp_path / "lost.csv", {name: v[there] for name, v in columns.items()})) == ""
+    assert sentence_about(*write(tmp_path / "lost.csv", {name: v[there] for name, v in columns.items()})) == ""
     order = np.arange(m.t.size)
     order[[700, 701]] = 701, 700
-    assert said_of(*write(tmp_path / "late.csv", {name: v[order] for name, v in columns.items()})) == ""
+    assert sentence_about(*write(tmp_path / "late.csv", {name: v[order] for name, v in columns.items()})) == ""
     anew = columns | {"time_s": np.where(m.t < 120.0, m.t, m.t - 120.0)}
-    assert "segment" in said_of(*write(tmp_path / "anew.csv", anew))
+    assert "segment" in sentence_about(*write(tmp_path / "anew.csv", anew))

@@ -64,13 +64,13 @@ def test_a_motor_fed_with_a_voltage_is_the_same_in_whatever_unit_that_is(seed: i
     acts = 3.2 * np.tanh(np.maximum(late - 0.3, 0.0) / 2.5)
     speed = fine_trajectory(FrictionParameters(40.0, 2.0, 14.0, 17.0), time_s, acts, omega_s=0.5)
     reading = np.round((speed + 0.3 * rng.standard_normal(time_s.size)) / 0.9) * 0.9
-    told = []
+    reported = []
     for per_volt in (1.0, 0.3, 0.1):
         setup = setup_of_record(Course.of(time_s, reading, per_volt * volts))
         assert setup.inertia_kg_m2 is None  # nobody knows it, and no torque is told
         assert setup.fit_of_record is not None
-        told.append(np.array(setup.fit_of_record.parameters) * (per_volt, 1.0, 1.0, 1.0))
-    assert np.allclose(told, told[0], rtol=0.02)
+        reported.append(np.array(setup.fit_of_record.parameters) * (per_volt, 1.0, 1.0, 1.0))
+    assert np.allclose(reported, reported[0], rtol=0.02)
 
 
 def test_readings_on_a_coarse_grid_have_the_grids_noise() -> None:

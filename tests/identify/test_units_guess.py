@@ -27,11 +27,11 @@ def test_a_log_in_other_units_is_asked_about_them(speed: float, current: float, 
     run = run_of("P2", 4)
     driven, read, no_delay = current * run.current_A, speed * run.reading_rad_s, np.zeros(run.time_s.size)
     log = WheelLog("a", run.time_s, read, driven, "current_A", no_delay, no_delay.astype(np.int64))
-    found, (asked,) = misreadings_and_questions(log)
+    found, (wanted,) = misreadings_and_questions(log)
     assert found == ()
-    assert expected in asked
-    (said,) = setup_of_record(Course.of(run.time_s, read, driven)).notes
-    assert "of a wheel's" in said or "times a wheel's" in said
+    assert expected in wanted
+    (stated,) = setup_of_record(Course.of(run.time_s, read, driven)).notes
+    assert "of a wheel's" in stated or "times a wheel's" in stated
 
 
 def test_a_machine_of_no_wheels_size_in_any_unit_is_not_asked() -> None:

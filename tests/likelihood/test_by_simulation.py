@@ -1,4 +1,4 @@
-"""Numbers by simulation: those of an output-error fit by other hands, and nothing moved where a model lacks nothing."""
+"""Numbers by simulation: those of an independent output-error fit, and nothing moved where a model lacks nothing."""
 
 from __future__ import annotations
 

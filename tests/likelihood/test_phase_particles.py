@@ -18,7 +18,7 @@ from rw_ekf.likelihood.phase_particles import follow
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.model.effect import Candidate, Term
 from tests.diagnosis.simulated import TRUTH, record_of, simulated
-from tools.measure.effect_coverage import drawn, told
+from tools.measure.effect_coverage import drawn, reported
 from tools.proof.plants import log_of
 
 RIPPLE = CATALOGUE["torque_ripple"]
@@ -111,7 +111,7 @@ def test_orders_above_two_are_found_without_an_angle(seed: int, order: int) -> N
     assert document["verdict"]["effects"] == ["torque_ripple"]
     assert entry["parameters"]["order"]["value"] == what.truth["order"] == order
     assert entry["parameters"]["order"]["probability"][f"{order:g}"] > 0.9
-    found = told({"found": entry["parameters"], "truth": what.truth})
+    found = reported({"found": entry["parameters"], "truth": what.truth})
     value, std, truth = found["amplitude_rad_s2"]
     assert abs(value - truth) < 2.0 * std
     assert std < 0.1 * truth

@@ -27,9 +27,9 @@ def test_an_undeclared_offset_is_not_explained_away_by_torque_noise(profile: str
         assert found.structure_p is not None
         assert found.structure_p < STRUCTURE_P
         assert found.is_noise is False
-        (said,) = found.warnings()
-        assert "rw-ekf diagnose" in said
-        assert "--noise" not in said
+        (stated,) = found.warnings()
+        assert "rw-ekf diagnose" in stated
+        assert "--noise" not in stated
 
 
 @pytest.mark.slow

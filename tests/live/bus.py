@@ -156,7 +156,7 @@ def run_bus(
         spoken = checked_protocol(configuration)
         assert isinstance(spoken, RegisterProtocol)
         carried = cable.carrying(spoken)
-        protocols.append(carried.over(lambda *asked, made=carried.open_port: wrap(made(*asked))))
+        protocols.append(carried.over(lambda *wanted, made=carried.open_port: wrap(made(*wanted))))
     line = SharedLine(bench.configurations, protocols, clock)
     notes = {name: Notes() for name in NAMES}
     wheels = [

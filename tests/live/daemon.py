@@ -30,22 +30,22 @@ Event = tuple[float, Callable[[], object]]
 class Notes:
     """A logger that keeps what it is told."""
 
-    said: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
+    stated: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
 
     def info(self, event: str, **context: Any) -> None:
-        self.said.append((event, context))
+        self.stated.append((event, context))
 
     warning = error = info
 
     @property
     def states(self) -> list[str]:
         """States that the run went to, in order."""
-        return [str(context["state"]) for name, context in self.said if name == "state"]
+        return [str(context["state"]) for name, context in self.stated if name == "state"]
 
     @property
     def events(self) -> list[str]:
         """Names of the events, in order."""
-        return [name for name, _ in self.said]
+        return [name for name, _ in self.stated]
 
 
 @dataclass

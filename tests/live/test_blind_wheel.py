@@ -39,7 +39,7 @@ def times_of(ran: Ran, event: str) -> int:
     return ran.notes.events.count(event)
 
 
-def told(ran: Ran, words: str) -> bool:
+def reported(ran: Ran, words: str) -> bool:
     return any(words in text for text in ran.outcome.findings)
 
 
@@ -49,7 +49,7 @@ def test_one_reply_repeated_is_silence(timed: Bench) -> None:
     assert timed.registers.command_A == 0.0
     assert timed.registers.plant.speed_rad_s < 2.0 + 15.205 * 0.25 * 2.0
     assert times_of(ran, "silence") == 1
-    assert told(ran, "repeated one reply")
+    assert reported(ran, "repeated one reply")
     assert ran.outcome.lost
     assert np.isfinite(ran.log.speed_rad_s).sum() <= 13
     assert ran.outcome.timing.ticks <= 33
@@ -66,7 +66,7 @@ def test_a_frozen_speed_is_not_driven_by(timed: Bench) -> None:
     )
     assert times_of(ran, "telemetry_stuck") == 1
     assert times_of(ran, "telemetry_alive") == 1
-    assert told(ran, "the speed reading is stuck")
+    assert reported(ran, "the speed reading is stuck")
     log = ran.log
     blind = np.isnan(log.speed_rad_s)
     assert 5 <= int(blind.sum()) <= 35
@@ -138,9 +138,9 @@ def test_a_wrong_sign_in_the_wire_map_is_not_driven_on(bench: Bench, field: str)
     document = document_of(out)
     (entry,) = document["logs"]
     assert document["state"]["state"] == "SAFE"
-    (said,) = [text for text in entry["warnings"] if text.startswith("a positive current turns the wheel backward")]
+    (stated,) = [text for text in entry["warnings"] if text.startswith("a positive current turns the wheel backward")]
     lines = Path(path).read_text(encoding="utf-8").splitlines()
-    named = [lines[int(part.split(" ")[0]) - 1] for part in said.split(f"{path}:")[1:]]
+    named = [lines[int(part.split(" ")[0]) - 1] for part in stated.split(f"{path}:")[1:]]
     assert len(named) == 2
     assert all("scale: " in line for line in named)
     assert abs(bench.registers.plant.speed_rad_s) < 100.0 * RAD_S_PER_RPM
@@ -157,8 +157,8 @@ def test_a_scale_ten_times_off_is_a_finding(timed: Bench) -> None:
         limits={"speed_rpm": 4200.0},
         command={"profile": "sine", "amplitude_A": 0.2, "period_s": 3.0, "bias_A": 0.0},
     )
-    assert told(ran, "times what the built-in prior says")
-    assert told(ran, "wrong-map.yaml:")
+    assert reported(ran, "times what the built-in prior says")
+    assert reported(ran, "wrong-map.yaml:")
     assert ran.outcome.halted is None
 
 
@@ -173,7 +173,7 @@ def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(timed: Bench, jump
     assert ran.outcome.timing.ticks <= 28
     assert 1.5 < ran.outcome.statistics.duration_s < 2.8
     assert times_of(ran, "clock_jumped") == 1
-    assert told(ran, "clock jumped")
+    assert reported(ran, "clock jumped")
     assert list(np.unique(ran.log.segment)) == [0, 1]
     assert ran.log.command_delay_s.max() < 0.1
     assert ran.outcome.statistics.rejected == 0
@@ -197,7 +197,7 @@ def test_a_flag_of_the_status_register_is_said_and_holds_zero(timed: Bench, bit:
     ran = run(timed, 4.4, *fault(timed, 0.8, 2.2, f"flag:{bit}"), (3.2, resume))
     assert times_of(ran, event) == 1
     assert times_of(ran, f"{event}_over") == 1
-    assert told(ran, "status register")
+    assert reported(ran, "status register")
     up = ran.log.channels["status"] == bit
     assert up.any()
     assert np.all(ran.log.current_A[up] == 0.0)
@@ -232,7 +232,7 @@ def test_another_wheel_after_a_replug_is_not_driven(bench: Bench) -> None:
     ran = run(bench, 6.0, (0.8, bench.unplug), (1.3, swap))
     assert ran.outcome.halted is not None
     assert "77" in ran.outcome.halted
-    assert told(ran, "another wheel answers")
+    assert reported(ran, "another wheel answers")
     assert ran.outcome.statistics.duration_s < 2.0
     since = bench.recorder.requests[before[0] :]
     assert all(frame.data == b"\0\0" for _, frame in since if frame.id == CURRENT_COMMAND)
@@ -242,5 +242,5 @@ def test_the_same_wheel_after_a_replug_is_driven_on(bench: Bench) -> None:
     """Who answers is asked again, and it is the one that was there before."""
     ran = run(bench, 3.2, (0.8, bench.unplug), (1.3, bench.plug))
     assert ran.outcome.halted is None
-    assert not told(ran, "another wheel")
+    assert not reported(ran, "another wheel")
     assert np.any(ran.log.current_A[-5:] != 0.0)

@@ -210,9 +210,9 @@ def test_the_rate_that_is_allowed_is_one_that_the_line_carries(
 
     with pytest.raises(ConfigError) as refused:
         run_bus(at(100.0), 1.0)
-    told = re.search(r"loop.rate_hz is 100, .* 4 wheels take .* give at most ([\d.]+)", str(refused.value))
-    assert told is not None
-    most_hz = float(told[1])
+    reported = re.search(r"loop.rate_hz is 100, .* 4 wheels take .* give at most ([\d.]+)", str(refused.value))
+    assert reported is not None
+    most_hz = float(reported[1])
     ran = run_bus(at(0.9 * most_hz), 10.0)
     for name in NAMES:
         assert ran.outcome(name).timing.overruns == 0

@@ -49,18 +49,18 @@ def test_one_dead_from_the_start_and_one_that_dies_come_back_while_the_others_ar
             wait_for(lambda: is_driven(bench, "rw-z") and states(bench)["rw-y"] == "LOST", LONG_S)
             put(bench, "rw-y", "")
             wait_for(lambda: is_driven(bench, "rw-y"), LONG_S)
-            told: list[dict[str, Any]] = []
+            reported: list[dict[str, Any]] = []
             tracked: set[str] = set()
 
-            def each_was_told_to_track() -> bool:
+            def each_was_reported_to_track() -> bool:
                 """Not at one time: a busy machine misses a reading of one now and then."""
-                told[:] = document_of(rw_ekf("status", "--config", config, "--json").stdout)["wheels"]
-                tracked.update(wheel["wheel"] for wheel in told if wheel["state"] == "TRACKING")
+                reported[:] = document_of(rw_ekf("status", "--config", config, "--json").stdout)["wheels"]
+                tracked.update(wheel["wheel"] for wheel in reported if wheel["state"] == "TRACKING")
                 return tracked == set(NAMES)
 
-            wait_for(each_was_told_to_track, LONG_S)
-            assert [wheel["wheel"] for wheel in told] == list(NAMES)
-            assert all(wheel["link"]["echoes_lost"] <= wheel["link"]["timeouts"] for wheel in told)
+            wait_for(each_was_reported_to_track, LONG_S)
+            assert [wheel["wheel"] for wheel in reported] == list(NAMES)
+            assert all(wheel["link"]["echoes_lost"] <= wheel["link"]["timeouts"] for wheel in reported)
             seen = rw_ekf("watch", "--config", config, "--once").stdout
             assert all(f"{name} on" in seen for name in NAMES)
             run.send_signal(signal.SIGTERM)
@@ -168,9 +168,9 @@ def test_the_page_of_a_line_shows_every_wheel_and_stops_all(tmp_path: Path) -> N
             address, _, token = next(line for line in run.stderr if "#token=" in line).strip().partition("#token=")
             wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
             with urllib.request.urlopen(f"{address}api/runs", timeout=LONG_S) as answer:
-                told = json.loads(answer.read())
-            assert {name.partition("Z_")[2] for name in told["runs"]} == set(NAMES)
-            assert told["wheels"] == len(NAMES)
+                reported = json.loads(answer.read())
+            assert {name.partition("Z_")[2] for name in reported["runs"]} == set(NAMES)
+            assert reported["wheels"] == len(NAMES)
             request = urllib.request.Request(f"{address}api/stop", method="POST", headers={"x-token": token})
             with urllib.request.urlopen(request, timeout=LONG_S) as answer:
                 assert json.loads(answer.read())["zero_confirmed"]
@@ -215,9 +215,9 @@ def test_simulate_plays_the_shipped_line_and_its_faults(tmp_path: Path) -> None:
         text = ""
         while not text.endswith("\n}\n"):
             text += sim.stdout.readline()
-        told = document_of(text)
-        assert told["faults"] == ["echo"]
-        assert [wheel["wheel"] for wheel in told["wheels"] if wheel["faults"]] == ["rw-y"]
+        reported = document_of(text)
+        assert reported["faults"] == ["echo"]
+        assert [wheel["wheel"] for wheel in reported["wheels"] if wheel["faults"]] == ["rw-y"]
         done = rw_ekf("run", "--config", str(config), "--duration", "6", "--json", cwd=tmp_path)
         alone = rw_ekf("run", "--config", str(config), "--wheel", "rw-z", "--duration", "2", "--json", cwd=tmp_path)
         sim.send_signal(signal.SIGTERM)
@@ -234,13 +234,13 @@ def test_simulate_plays_the_shipped_line_and_its_faults(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"),
+    ("fault", "stated"),
     [
         ("rw-y=drop", "drop is a fault of the line, which all wheels share: leave rw-y= out"),
         ("nobody=dead", "there is no fault 'nobody=dead'"),
     ],
 )
-def test_a_fault_of_a_wheel_that_is_none_is_named(fault: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fault_of_a_wheel_that_is_none_is_named(fault: str, stated: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A line's fault cannot be one wheel's, and a name must be one of the configuration's."""
     assert main(["simulate", "--config", "bus", "--link", "nowhere", "--fault", fault]) == 2
-    assert said in capsys.readouterr().err
+    assert stated in capsys.readouterr().err

@@ -32,8 +32,8 @@ def test_the_client_of_the_docs_drives_a_wheel(tmp_path: Path) -> None:
     with served_wheel(tmp_path) as bench:
         events = ((0.2, connect), (0.3, driven))
         run(bench, 4.0, *events, notes=notes, command={"profile": "zero"}, compensation=compensation)
-    _, said = clients[0].communicate(timeout=60.0)
-    assert clients[0].returncode == 0 or "BrokenPipeError" in said, said  # it was about to ask when the run ended
+    _, stated = clients[0].communicate(timeout=60.0)
+    assert clients[0].returncode == 0 or "BrokenPipeError" in stated, stated  # it was about to ask when the run ended
     assert notes.events.count("request_client") == 1
     assert "request_refused" not in notes.events
     assert max(bench.recorder.writes_A()) > 0.03

@@ -108,15 +108,17 @@ def test_the_log_and_the_filter_have_the_current_that_was_issued(tmp_path: Path)
     from rw_ekf.wheel.model_file import read_model
 
     done = run(tmp_path, 30.0, brakes, "dmc")
-    told = {answer["time_s"]: answer["current_A"] for answer in done.answers}
+    reported = {answer["time_s"]: answer["current_A"] for answer in done.answers}
     logged = dict(zip(done.ran.log.time_s.tolist(), done.ran.log.current_A.tolist(), strict=True))
-    assert len(told.keys() & logged.keys()) > 250
-    assert all(logged[time_s] == pytest.approx(told[time_s], abs=1e-9) for time_s in told.keys() & logged.keys())
+    assert len(reported.keys() & logged.keys()) > 250
+    assert all(
+        logged[time_s] == pytest.approx(reported[time_s], abs=1e-9) for time_s in reported.keys() & logged.keys()
+    )
     estimates = read_table(done.ran.outcome.files.estimates, ColumnMap())
     at_s, added = estimates.floats(0), estimates.floats(estimates.names.index("compensation_A"))
-    added_told = {answer["time_s"]: answer["compensation_A"] for answer in done.answers}
+    added_reported = {answer["time_s"]: answer["compensation_A"] for answer in done.answers}
     written = dict(zip(at_s.tolist(), added.tolist(), strict=True))
-    assert all(written[t] == pytest.approx(added_told[t], abs=1e-9) for t in written.keys() & added_told.keys())
+    assert all(written[t] == pytest.approx(added_reported[t], abs=1e-9) for t in written.keys() & added_reported.keys())
     assert np.nanmax(np.abs(added)) > 0.02
     again = replay_log(
         done.ran.log, load_configuration(tmp_path / "wheel.yaml"), read_model(done.ran.outcome.files.start)
@@ -185,8 +187,8 @@ def test_off_at_once_in_trouble_and_back_after_it(tmp_path: Path, faults: str, s
     assert abs(done.answers[back]["compensation_A"]) < 0.005
     assert done.answers[-1]["compensating"]
     assert done.answers[-1]["compensation_A"] < -0.03
-    said = [context["on"] for event, context in done.ran.notes.said if event == "compensation"]
-    assert said == [False, True, False, True] if state == "DEGRADED" else said[-1]
+    stated = [context["on"] for event, context in done.ran.notes.stated if event == "compensation"]
+    assert stated == [False, True, False, True] if state == "DEGRADED" else stated[-1]
     lines = [json.loads(line) for line in done.ran.outcome.files.events.read_text().splitlines()]
     assert [line["on"] for line in lines if line["event"] == "compensation"][-2:] == [False, True]
 

@@ -91,8 +91,8 @@ def test_a_write_that_is_taken_but_never_confirmed_does_not_mislead_the_filter(b
     if telling_register(bench.registers.wire_map) is None:
         pytest.skip("this wheel tells no command that could be read back: each such write begins a segment")
     assert ran.log.segment.max() == 0
-    told_A = ran.log.channels["current_A"]
-    assert np.allclose(told_A[1:], ran.log.current_A[:-1], atol=1e-7)
+    reported_A = ran.log.channels["current_A"]
+    assert np.allclose(reported_A[1:], ran.log.current_A[:-1], atol=1e-7)
     assert ran.outcome.zero_confirmed
 
 
@@ -124,7 +124,7 @@ def test_a_hot_wheel_is_given_no_current_until_it_has_cooled(bench: Bench) -> No
     assert np.all(log.current_A[after : after + 4] == 0.0)
     assert np.any(log.current_A[after:] != 0.0)
     assert ran.notes.states[1:] == ["SAFE", "CONNECTING", "TRACKING"]
-    assert ("command_changed", "over_temperature") in [(e, c.get("reason")) for e, c in ran.notes.said]
+    assert ("command_changed", "over_temperature") in [(e, c.get("reason")) for e, c in ran.notes.stated]
 
 
 def longest_run_of_zeros(currents: list[float]) -> int:

@@ -120,8 +120,8 @@ def test_what_is_no_run_is_left_out_with_a_word(
         (tmp_path / part.name).write_bytes(part.read_bytes())
     metadata_path(tmp_path / log.name).write_bytes(metadata_path(log).read_bytes())
     assert main(["replay", str(tmp_path), "--json"]) == 0
-    said = capsys.readouterr()
-    assert [Path(entry["log"]).name for entry in json.loads(said.out)["logs"]] == [log.name]
-    assert said.err.count("left_out") == 2
+    stated = capsys.readouterr()
+    assert [Path(entry["log"]).name for entry in json.loads(stated.out)["logs"]] == [log.name]
+    assert stated.err.count("left_out") == 2
     assert main(["replay", str(tmp_path / "a.csv"), "--as-run"]) == 2
     assert main(["replay", str(log), "--as-run", "--model", "x.yaml"]) == 2

@@ -33,9 +33,9 @@ class Rig:
     def __init__(self, directory: Path) -> None:
         self.path = directory / "request.sock"
         self.clock = VirtualClock()
-        self.said: list[str] = []
+        self.stated: list[str] = []
         self.socket = RequestSocket(
-            self.path, RequestTerms(INERTIA, 0.5, 1.0), self.clock, lambda event, **_: self.said.append(event)
+            self.path, RequestTerms(INERTIA, 0.5, 1.0), self.clock, lambda event, **_: self.stated.append(event)
         )
         self.socket.most_Nm = 1.0
         self.taken_bytes: list[int] = []  # of a turn, piece by piece
@@ -60,12 +60,12 @@ class Rig:
         """One turn of the loop; the acceleration that is asked for."""
         tick = turn(self.clock.monotonic())
         self.taken_bytes.clear()
-        asked = self.socket.request_rad_s2(tick)
+        wanted = self.socket.request_rad_s2(tick)
         self.socket.write(Tick(tick.sample, tick.estimate, IssuedCommand(0.02), state=tick.state))
         self.most_pieces = max(self.most_pieces, len(self.taken_bytes))
         self.most_bytes = max(self.most_bytes, sum(self.taken_bytes))
         self.clock.sleep(0.1)
-        return asked
+        return wanted
 
 
 @pytest.fixture
@@ -113,10 +113,10 @@ def test_a_request_that_is_not_repeated_fades_to_zero(rig: Rig) -> None:
     client = rig.client()
     client.sendall(b'{"torque_Nm": 1e-3}\n')
     client.close()
-    asked = [rig.turn() for _ in range(20)]
-    assert asked[:5] == [pytest.approx(0.5)] * 5
-    assert all(b <= a for a, b in itertools.pairwise(asked))
-    assert asked[15:] == [0.0] * 5
+    wanted = [rig.turn() for _ in range(20)]
+    assert wanted[:5] == [pytest.approx(0.5)] * 5
+    assert all(b <= a for a, b in itertools.pairwise(wanted))
+    assert wanted[15:] == [0.0] * 5
 
 
 def test_more_than_the_wheel_has_is_taken_as_the_most_it_has(rig: Rig) -> None:
@@ -184,12 +184,12 @@ def test_half_lines_are_put_together(rig: Rig) -> None:
     """A request of single bytes, one a turn, is heard when its line is whole, and not before."""
     client = rig.client()
     text = b'{"torque_Nm": 1e-3}\n'
-    asked = []
+    wanted = []
     for i in range(len(text)):
         client.sendall(text[i : i + 1])
-        asked.append(rig.turn())
-    assert asked[:-1] == [0.0] * (len(text) - 1)
-    assert asked[-1] == pytest.approx(0.5)
+        wanted.append(rig.turn())
+    assert wanted[:-1] == [0.0] * (len(text) - 1)
+    assert wanted[-1] == pytest.approx(0.5)
 
 
 def _flood(path: Path, content: bytes, over: threading.Event, sent: list[int]) -> None:
@@ -215,15 +215,15 @@ def test_a_flood_that_is_never_read_does_not_delay_a_turn(rig: Rig, content: byt
     flood = threading.Thread(target=_flood, args=(rig.path, content, over, sent), daemon=True)
     flood.start()
     try:
-        asked = [rig.turn() for _ in range(TURNS)]
+        wanted = [rig.turn() for _ in range(TURNS)]
         while sent[0] < 2_000_000:  # however slowly the other thread is let run
-            asked.append(rig.turn())
+            wanted.append(rig.turn())
     finally:
         over.set()
         flood.join(10.0)
     most = 0.5 if content.startswith(b'{"torque_Nm": 1') else 0.0
-    assert max(asked) == pytest.approx(most)
-    assert min(asked) >= 0.0
+    assert max(wanted) == pytest.approx(most)
+    assert min(wanted) >= 0.0
     assert rig.most_pieces <= request_socket._READS
     assert rig.most_bytes <= request_socket._READS * request_socket._CHUNK_BYTES
     assert len(rig.socket._buffer._rest) <= 4096
@@ -257,7 +257,7 @@ def test_a_storm_of_connections_does_not_delay_a_turn(rig: Rig) -> None:
     assert rig.socket.counts["refused_clients"] == 3 * TURNS
     assert rig.most_pieces <= request_socket._READS
     assert rig.most_bytes <= request_socket._READS * request_socket._CHUNK_BYTES
-    assert len(rig.said) <= 10  # the rest is counted
+    assert len(rig.stated) <= 10  # the rest is counted
 
 
 def test_the_file_is_for_its_owner_and_goes_with_the_run(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_a_word_while_the_danger_lasts_is_refused_and_forgotten() -> None:
     machine.step(HOT)
     machine.resume()
     assert machine.step(HOT).state is RunState.SAFE
-    assert ("not_resumed", {"reason": "61.0 degC"}) in notes.said
+    assert ("not_resumed", {"reason": "61.0 degC"}) in notes.stated
     assert machine.step(GOOD).state is RunState.SAFE
 
 
@@ -136,10 +136,10 @@ def test_every_change_of_state_is_in_the_events_file_with_its_reason(tmp_path: P
     """The file tells the same story as the run did, from the opening of the line to the end."""
     silence = (30.0, setting(silent=True)), (50.0, setting(silent=False)), (60.0, say("resume"))
     ran, _ = run(tmp_path, 90.0, *silence)
-    told = [event for event in events_of(ran) if event["event"] == "state"]
-    assert [event["state"] for event in told] == ["CONNECTING", *ran.notes.states]
-    assert all(before["state"] == after["was"] for before, after in itertools.pairwise(told))
-    assert all(event["reason"] and str(event["utc"]).endswith("Z") for event in told)
+    reported = [event for event in events_of(ran) if event["event"] == "state"]
+    assert [event["state"] for event in reported] == ["CONNECTING", *ran.notes.states]
+    assert all(before["state"] == after["was"] for before, after in itertools.pairwise(reported))
+    assert all(event["reason"] and str(event["utc"]).endswith("Z") for event in reported)
     assert events_of(ran)[-1]["event"] == "ended"
     assert ran.notes.states[-3:] == ["SAFE", "CONNECTING", "TRACKING"]
     assert np.all(ran.log.current_A[(ran.log.time_s > 51.0) & (ran.log.time_s < 59.0)] == 0.0)

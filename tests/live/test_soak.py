@@ -15,7 +15,7 @@ def test_an_hour_of_random_faults(tmp_path: Path) -> None:
     """No stale reply used, no change of state without a fault, TRACKING in a second, the limit held, truth found."""
     with tqdm(disable=True) as bar:
         soaked = soak(Plan(hours=1.0, seed=3, gap_s=30.0), tmp_path, bar)
-    seen, outcome, events = soaked.seen, soaked.outcome, soaked.told.events
+    seen, outcome, events = soaked.seen, soaked.outcome, soaked.reported.events
     assert len(seen.faults) > 80
     assert seen.used > 25_000
     assert seen.stale_used == 0

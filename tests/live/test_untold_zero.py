@@ -51,11 +51,11 @@ class Coasting:
 
 def stood_down(wheel: Coasting, clock: VirtualClock, share: float | None) -> tuple[bool, list[str]]:
     """What standing down came to, and what was said; share: sigma of the friction over it, None where not known."""
-    said: list[str] = []
-    guard = CurrentGuard(wheel, LIMITS, clock, STEP, lambda event, text: said.append(f"{event}: {text}"))
+    stated: list[str] = []
+    guard = CurrentGuard(wheel, LIMITS, clock, STEP, lambda event, text: stated.append(f"{event}: {text}"))
     if share is not None:
         guard.slowing = lambda speed_rad_s: (COULOMB, share * COULOMB)
-    return guard.stand_down(), said
+    return guard.stand_down(), stated
 
 
 @pytest.mark.parametrize("left_A", [0.7 * COULOMB / GAIN, 1.5 * COULOMB / GAIN, -0.7 * COULOMB / GAIN])
@@ -63,20 +63,20 @@ def test_a_wheel_that_does_not_slow_down_as_its_friction_has_it_is_let_go_of(lef
     """A zero leaves .7 or 1.5 of the friction on, or brakes by it: idle mode lets go, seen in the motion."""
     clock = VirtualClock()
     wheel = Coasting(clock, left_A, idles=True)
-    confirmed, said = stood_down(wheel, clock, 0.1)
+    confirmed, stated = stood_down(wheel, clock, 0.1)
     assert confirmed
     assert wheel.left_A == 0.0
     assert wheel.ways == [None, "zero_by_mode_idle"]
-    assert {text.partition(":")[0] for text in said} <= {"zero_not_in_force"}
+    assert {text.partition(":")[0] for text in stated} <= {"zero_not_in_force"}
 
 
 def test_a_current_that_nothing_lets_go_of_is_not_confirmed() -> None:
     """Idle mode and reset are acknowledged and leave .7 of the friction on: it slows down, and is not at zero."""
     clock = VirtualClock()
     wheel = Coasting(clock, 0.7 * COULOMB / GAIN, idles=False)
-    confirmed, said = stood_down(wheel, clock, 0.1)
+    confirmed, stated = stood_down(wheel, clock, 0.1)
     assert not confirmed
-    assert "where its friction alone slows it by 0.58 +- 0.06" in said[0]
+    assert "where its friction alone slows it by 0.58 +- 0.06" in stated[0]
 
 
 def test_a_healthy_wheel_of_known_friction_is_at_zero_by_its_motion_alone() -> None:
@@ -99,8 +99,8 @@ def test_where_friction_is_not_known_idle_mode_is_acknowledged_too(share: float 
 def test_where_nothing_can_tell_it_zero_is_not_confirmed_and_said_why() -> None:
     """Friction is not known and there is no idle mode; at rest the same wheel is at zero."""
     clock = VirtualClock()
-    confirmed, said = stood_down(Coasting(clock, 0.0, idles=None), clock, None)
+    confirmed, stated = stood_down(Coasting(clock, 0.0, idles=None), clock, None)
     assert not confirmed
-    assert [text.partition(":")[0] for text in said] == ["zero_not_told"]
+    assert [text.partition(":")[0] for text in stated] == ["zero_not_told"]
     resting = Coasting(clock, 0.0, idles=None, speed_rad_s=0.0)
     assert stood_down(resting, clock, None)[0]

@@ -92,8 +92,8 @@ def test_a_log_that_somebody_edits_reads_with_the_lines_named(run: Path) -> None
         last.write_text("\n".join(lines) + "\n", encoding="utf-8")
         found = read_log(run)
         assert len(found) == 4 * PART_ROWS
-        (said,) = found.warnings
-        assert f"run.part004.csv: lines {named} are not as they were written" in said
+        (stated,) = found.warnings
+        assert f"run.part004.csv: lines {named} are not as they were written" in stated
     sums_path(run).unlink()
     assert read_log(run).warnings == ()
 

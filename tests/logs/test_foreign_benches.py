@@ -24,7 +24,7 @@ def run() -> rw_ekf.Log:
     return rw_ekf.simulate("steps", duration_s=30.0, seed=8)
 
 
-def _asked(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple[rw_ekf.GuessedColumns, str]:
+def _wanted(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple[rw_ekf.GuessedColumns, str]:
     """What is found of a log of time, speed [rpm], current and further columns, of these; and what is asked."""
     rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
     cells = ((t, w * RPM, i, *(formula(t, w, i) for formula in further)) for t, w, i in rows)
@@ -44,7 +44,7 @@ def _asked(path: Path, run: rw_ekf.Log, header: str, *further: Formula) -> tuple
 )  # fmt: skip
 def test_a_rate_or_a_sum_of_what_is_sought_is_asked_about(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
     """Neither is the reading itself, nor is what a factor or a letter at its name may have changed."""
-    assert _asked(tmp_path / "a.csv", run, header)[1]
+    assert _wanted(tmp_path / "a.csv", run, header)[1]
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_a_rate_or_a_sum_of_what_is_sought_is_asked_about(tmp_path: Path, run: r
 )
 def test_the_rate_of_a_wheel_is_its_speed(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """And a unit in brackets is one."""
-    assert _asked(tmp_path / "a.csv", run, f"t_s,{name},i_A")[1] == ""
+    assert _wanted(tmp_path / "a.csv", run, f"t_s,{name},i_A")[1] == ""
 
 
 @pytest.mark.parametrize(
@@ -63,8 +63,8 @@ def test_what_is_of_another_load_stands_behind_a_plain_column(
     tmp_path: Path, run: rw_ekf.Log, further: str, names: list[str]
 ) -> None:
     """Alone it is asked about; beside the one that is sought it is passed over."""
-    found, asked = _asked(tmp_path / "a.csv", run, f"t_s,rpm,I,{further}", lambda t, w, i: abs(i) + t)
-    assert not asked
+    found, wanted = _wanted(tmp_path / "a.csv", run, f"t_s,rpm,I,{further}", lambda t, w, i: abs(i) + t)
+    assert not wanted
     assert [line.entry["column"] for line in found.guess.lines if line.name != "time_s"] == names
 
 
@@ -84,15 +84,15 @@ def test_a_speed_that_few_rows_have_is_not_passed_over_for_an_angle(tmp_path: Pa
 def test_a_rate_of_steps_is_no_rate_of_rows_that_have_not_each_one(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Rows some 800 steps apart, and "steps at 8 kHz" above them: what the steps are of is asked."""
 
-    def asked(apart: Callable[[int], int]) -> str:
+    def wanted(apart: Callable[[int], int]) -> str:
         rows = zip(run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
         lines = (f"{apart(k)},{i!r},{w!r}" for k, (w, i) in enumerate(rows))
         above = ["% Timestep increments at 8kHz", "timestep,i_A,omega_rad_s"]
         (tmp_path / "a.csv").write_text("\n".join([*above, *lines]))
         return " ".join(question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions)
 
-    assert "rises by some 801 from row to row" in asked(lambda k: 800 * k + k % 7)
-    assert not asked(lambda k: k)
+    assert "rises by some 801 from row to row" in wanted(lambda k: 800 * k + k % 7)
+    assert not wanted(lambda k: k)
 
 
 def test_hundredths_that_somebody_has_converted_are_none(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -112,16 +112,16 @@ def test_hundredths_that_somebody_has_converted_are_none(tmp_path: Path, run: rw
 
 def test_gyros_are_no_wheel_whose_speed_stands_still(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Of a motor at rest the log says so, and not which of three gyros is its speed."""
-    _, asked = _asked(tmp_path / "a.csv", run, "t_s,gyroX,i_A,gyroY,erpm", lambda t, w, i: w + t, lambda t, w, i: 0.0)
-    assert "'erpm' never changes" in asked
-    assert "gyro" not in asked
+    _, wanted = _wanted(tmp_path / "a.csv", run, "t_s,gyroX,i_A,gyroY,erpm", lambda t, w, i: w + t, lambda t, w, i: 0.0)
+    assert "'erpm' never changes" in wanted
+    assert "gyro" not in wanted
 
 
 def test_answers_of_a_choice_say_unit_and_kind(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Each is a line that reads the column as it is: rpm, the rate of an angle; where that is not known, none."""
 
     def answers(header: str) -> list[tuple[str, dict[str, object]]]:
-        found, _ = _asked(tmp_path / "a.csv", run, header, lambda t, w, i: w * t)
+        found, _ = _wanted(tmp_path / "a.csv", run, header, lambda t, w, i: w * t)
         return [(line.name, line.entry) for question in found.guess.questions for line in question.answers]
 
     assert answers("t_s,RPM_M1,i_A,RPM_M2") == [("speed_rpm", {"column": name}) for name in ("RPM_M1", "RPM_M2")]
@@ -134,7 +134,7 @@ def test_answers_of_a_choice_say_unit_and_kind(tmp_path: Path, run: rw_ekf.Log) 
 
 def test_an_angle_that_is_named_for_the_speed_is_differentiated(tmp_path: Path, run: rw_ekf.Log) -> None:
     """With `--set speed=COLUMN`; a unit of a speed says that it is one."""
-    _asked(tmp_path / "a.csv", run, "t_s,left angle (deg),i_A,right angle (deg)", lambda t, w, i: w * t)
+    _wanted(tmp_path / "a.csv", run, "t_s,left angle (deg),i_A,right angle (deg)", lambda t, w, i: w * t)
     found = rw_ekf.guess_columns(tmp_path / "a.csv", speed="left angle (deg)").guess
     entry = next(line.entry for line in found.lines if line.name == "speed_rad_s")
     assert entry == {"derivative_of": "left angle (deg)", "unit": "deg"}
@@ -157,13 +157,13 @@ def test_a_noisy_angle_that_goes_beyond_its_turn_begins_anew_all_the_same() -> N
 def test_an_angle_that_goes_half_a_turn_between_rows_is_asked_about(tmp_path: Path) -> None:
     """Which way around it went nobody knows then."""
 
-    def asked(step_deg: float) -> str:
+    def wanted(step_deg: float) -> str:
         rows = (f"{i / 10!r},{round(step_deg * i % 360.0, 2)!r},{math.sin(i)!r}" for i in range(100))
         (tmp_path / "a.csv").write_text("\n".join(["t_s,angle_deg,i_A", *rows]))
         return " ".join(question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions)
 
-    assert "half a turn" in asked(201.0)
-    assert not asked(31.0)
+    assert "half a turn" in wanted(201.0)
+    assert not wanted(31.0)
 
 
 def test_a_row_of_dates_is_no_row_of_names(tmp_path: Path) -> None:
@@ -188,9 +188,9 @@ def test_what_a_vesc_calls_rpm_is_electrical(tmp_path: Path, run: rw_ekf.Log) ->
         for t, w, i in zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
     ]
     (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, rows)))
-    asked = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.jsonl").guess.questions]
-    assert len(asked) == 1
-    assert "pole pairs" in asked[0]
+    wanted = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.jsonl").guess.questions]
+    assert len(wanted) == 1
+    assert "pole pairs" in wanted[0]
 
 
 def test_a_current_that_makes_the_power_of_a_supply_is_the_supplys(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -198,21 +198,23 @@ def test_a_current_that_makes_the_power_of_a_supply_is_the_supplys(tmp_path: Pat
     header = "Time (s),Speed (RPM),Current (A),Voltage (V),Power (W)"
     assert (
         "the supply gives"
-        in _asked(tmp_path / "a.csv", run, header, lambda t, w, i: 24 - i / 9, lambda t, w, i: (24 - i / 9) * abs(i))[1]
+        in _wanted(tmp_path / "a.csv", run, header, lambda t, w, i: 24 - i / 9, lambda t, w, i: (24 - i / 9) * abs(i))[
+            1
+        ]
     )
-    assert not _asked(tmp_path / "a.csv", run, header, lambda t, w, i: w / 9 + i, lambda t, w, i: (w / 9 + i) * i)[1]
+    assert not _wanted(tmp_path / "a.csv", run, header, lambda t, w, i: w / 9 + i, lambda t, w, i: (w / 9 + i) * i)[1]
 
 
 def test_a_symbol_in_brackets_is_no_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`time(t)`, `speed(n) [rpm]`; another letter is asked about still."""
-    assert not _asked(tmp_path / "a.csv", run, "time(t),speed(n) [rpm],current(i) [A]")[1]
-    assert "'b'" in _asked(tmp_path / "a.csv", run, "time(t),rpm (b),current(i) [A]")[1]
+    assert not _wanted(tmp_path / "a.csv", run, "time(t),speed(n) [rpm],current(i) [A]")[1]
+    assert "'b'" in _wanted(tmp_path / "a.csv", run, "time(t),rpm (b),current(i) [A]")[1]
 
 
 def test_a_heading_is_no_angle_of_a_wheel(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Where x and y stand beside it."""
     assert (
-        "heading" in _asked(tmp_path / "a.csv", run, "t_s,theta(deg),I_A,x,y", lambda t, w, i: t, lambda t, w, i: w)[1]
+        "heading" in _wanted(tmp_path / "a.csv", run, "t_s,theta(deg),I_A,x,y", lambda t, w, i: t, lambda t, w, i: w)[1]
     )
 
 
@@ -226,19 +228,19 @@ def test_a_heading_is_no_angle_of_a_wheel(tmp_path: Path, run: rw_ekf.Log) -> No
 )
 def test_speed_and_current_of_two_drives_are_asked_about(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
     """By their numbers, or the sides of a gear."""
-    assert "two wheels" in _asked(tmp_path / "a.csv", run, header)[1]
+    assert "two wheels" in _wanted(tmp_path / "a.csv", run, header)[1]
 
 
 def test_a_speed_that_never_changes_is_named(tmp_path: Path) -> None:
     """Not only that none is known."""
     (tmp_path / "a.csv").write_text("t_s,rpm,i_A\n" + "".join(f"{i / 10!r},19.5,{math.sin(i)!r}\n" for i in range(50)))
-    asked = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions]
-    assert any("'rpm' never changes" in text for text in asked)
+    wanted = [question.text for question in rw_ekf.guess_columns(tmp_path / "a.csv").guess.questions]
+    assert any("'rpm' never changes" in text for text in wanted)
 
 
 def test_a_refusal_says_what_is_known_beside_what_is_asked(tmp_path: Path, run: rw_ekf.Log) -> None:
     """And not that a time is missing which was found."""
-    _asked(tmp_path / "a.csv", run, "time,rpm,pid")
+    _wanted(tmp_path / "a.csv", run, "time,rpm,pid")
     with pytest.raises(rw_ekf.Error) as caught:
         rw_ekf.read(tmp_path / "a.csv")
     assert "time_s is missing" not in str(caught.value)
@@ -248,5 +250,5 @@ def test_a_refusal_says_what_is_known_beside_what_is_asked(tmp_path: Path, run: 
 
 def test_the_thrust_of_a_propeller_is_what_the_speed_does(tmp_path: Path, run: rw_ekf.Log) -> None:
     """And no drive; a force that is none is one still."""
-    assert "thrust" in _asked(tmp_path / "a.csv", run, "t_s,rpm,thrust (N)")[1]
-    assert not _asked(tmp_path / "a.csv", run, "t_s,rpm,force (N)")[1]
+    assert "thrust" in _wanted(tmp_path / "a.csv", run, "t_s,rpm,thrust (N)")[1]
+    assert not _wanted(tmp_path / "a.csv", run, "t_s,rpm,force (N)")[1]

@@ -31,8 +31,8 @@ def test_groups_are_joined_onto_the_longest() -> None:
 def test_only_what_the_map_asks_for_is_joined() -> None:
     """Of other groups nothing else is held onto the times; everything is where the map names what is not there."""
     two = [*groups()[:2], Group("more", FAST[:2], {"x": FAST[:2]})]
-    asked = ColumnMap(sources={"speed_rad_s": Source("column", "slow.T")})
-    assert table_of_groups(two, asked, "f").names == ("time_s", "fast.w", "slow.T")
+    wanted = ColumnMap(sources={"speed_rad_s": Source("column", "slow.T")})
+    assert table_of_groups(two, wanted, "f").names == ("time_s", "fast.w", "slow.T")
     wrong = ColumnMap(sources={"speed_rad_s": Source("column", "slow.U")})
     assert table_of_groups(two, wrong, "f").names == ("time_s", "fast.w", "slow.T", "more.x")
 

@@ -134,13 +134,13 @@ def test_lvm_mistakes_have_their_line(tmp_path: Path) -> None:
 def test_a_property_that_scales_a_channel_is_asked_about(tmp_path: Path) -> None:
     """What somebody wrote beside a channel, `scale = 0.1`, is heard; LabVIEW's own scales are applied, and are not."""
     record = Record(2)
-    for key, asked in (("scale", True), ("NI_Scale_Note", False)):
-        said = {"wf_increment": 0.25, "unit_string": "rpm", key: 0.1}
+    for key, wanted in (("scale", True), ("NI_Scale_Note", False)):
+        stated = {"wf_increment": 0.25, "unit_string": "rpm", key: 0.1}
         with TdmsWriter(tmp_path / "a.tdms") as writer:
             current = ChannelObject("g", "current", record.current, {"wf_increment": 0.25, "unit_string": "A"})
-            writer.write_segment([ChannelObject("g", "speed", np.round(record.speed * 300.0), said), current])
+            writer.write_segment([ChannelObject("g", "speed", np.round(record.speed * 300.0), stated), current])
         found = rw_ekf.guess_columns(tmp_path / "a.tdms")
-        assert any("scale: 0.1" in question.text for question in found.guess.questions) == asked
+        assert any("scale: 0.1" in question.text for question in found.guess.questions) == wanted
 
 
 def test_lvm_units_stand_above_their_columns(tmp_path: Path) -> None:

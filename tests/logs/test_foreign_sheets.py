@@ -193,5 +193,5 @@ def test_a_sheet_of_words_beside_the_table_is_heard(tmp_path: Path) -> None:
     for i in range(100):
         sheet.append([0.1 * i, 100.0 * math.sin(0.1 * i), 0.1 * math.cos(0.1 * i)])
     book.save(tmp_path / "a.xlsx")
-    asked = rw_ekf.guess_columns(tmp_path / "a.xlsx").guess.questions
-    assert [question.name for question in asked] == ["speed_rpm"]
+    wanted = rw_ekf.guess_columns(tmp_path / "a.xlsx").guess.questions
+    assert [question.name for question in wanted] == ["speed_rpm"]

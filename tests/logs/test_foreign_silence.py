@@ -93,7 +93,7 @@ def test_what_begins_anew_with_each_second_is_the_part_of_it(tmp_path: Path, run
     (tmp_path / "a.csv").write_text(text)
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.time_s - log.time_s[0] == pytest.approx(time_s, abs=2e-6)
-    assert name == "Milliseconds" or any(f"'{name}' begins anew with each second" in said for said in log.warnings)
+    assert name == "Milliseconds" or any(f"'{name}' begins anew with each second" in stated for stated in log.warnings)
 
 
 def test_a_part_of_a_second_may_be_a_fraction_or_of_nobody_knows_what(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -102,9 +102,9 @@ def test_a_part_of_a_second_may_be_a_fraction_or_of_nobody_knows_what(tmp_path: 
     (tmp_path / "a.csv").write_text(text)
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.time_s - log.time_s[0] == pytest.approx(time_s, abs=2e-6)
-    asked = guess(tmp_path / "b.csv", _stamped(run, "Time,f,rpm,I_motor", lambda part: f"{int(256 * part)}")[0])
-    assert [question.name for question in asked.guess.questions] == ["time_s"]
-    assert "of how many parts of a second" in asked.guess.questions[0].text
+    wanted = guess(tmp_path / "b.csv", _stamped(run, "Time,f,rpm,I_motor", lambda part: f"{int(256 * part)}")[0])
+    assert [question.name for question in wanted.guess.questions] == ["time_s"]
+    assert "of how many parts of a second" in wanted.guess.questions[0].text
 
 
 def test_rows_that_count_within_a_second_are_spread_over_it(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -133,11 +133,11 @@ def test_a_current_in_a_unit_that_is_not_known_is_asked_about(tmp_path: Path, ru
     """What stands in brackets behind a name and is no unit that is known makes no amperes of its numbers."""
     for name in (f"Current [{unit}]", f"I [{unit}]", f"I_motor[{unit}]"):
         text = csv(run, f"time_s,rpm,{name}", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
-        asked = guess(tmp_path / "a.csv", text).guess.questions
-        assert [question.name for question in asked] == ["current_A"], name
-        assert not any("has no unit" in question.text for question in asked), name
-    told = rw_ekf.guess_columns(tmp_path / "a.csv", current=f"I_motor[{unit}]:A")
-    assert not told.guess.questions
+        wanted = guess(tmp_path / "a.csv", text).guess.questions
+        assert [question.name for question in wanted] == ["current_A"], name
+        assert not any("has no unit" in question.text for question in wanted), name
+    reported = rw_ekf.guess_columns(tmp_path / "a.csv", current=f"I_motor[{unit}]:A")
+    assert not reported.guess.questions
 
 
 @pytest.mark.parametrize(
@@ -201,36 +201,36 @@ def test_what_stands_for_a_number_is_a_gap_and_told(tmp_path: Path, run: rw_ekf.
     assert np.flatnonzero(np.isnan(log.speed_rad_s)).tolist() == [300, 400]
     mapped = rw_ekf.read(tmp_path / "a.csv", columns=rw_ekf.guess_columns(tmp_path / "a.csv").column_map)
     assert np.array_equal(mapped.speed_rad_s, log.speed_rad_s, equal_nan=True)
-    told = [text for text in log.warnings if "taken for a gap" in text]
-    assert len(told) == (mark != "---")
-    assert all(f"{mark!r} stands for a number in 2 cells, first in line 302" in text for text in told)
+    reported = [text for text in log.warnings if "taken for a gap" in text]
+    assert len(reported) == (mark != "---")
+    assert all(f"{mark!r} stands for a number in 2 cells, first in line 302" in text for text in reported)
 
 
 @pytest.mark.parametrize("cell", ["see note", "12x4"])
 def test_a_cell_that_is_no_number_is_shown_with_its_line(tmp_path: Path, run: rw_ekf.Log, cell: str) -> None:
     """One word in a column of numbers does not make it one that never changes."""
-    (asked,) = guess(tmp_path / "a.csv", _with_cells(run, {300: cell})).guess.questions
-    assert f"column 'Speed [rpm]' has '{cell}' in line 302, which is no number" in asked.text
+    (wanted,) = guess(tmp_path / "a.csv", _with_cells(run, {300: cell})).guess.questions
+    assert f"column 'Speed [rpm]' has '{cell}' in line 302, which is no number" in wanted.text
     (tmp_path / "map.yaml").write_text("time_s: Time [s]\nspeed_rpm: Speed [rpm]\ncurrent_A: Current [A]\n")
     with pytest.raises(rw_ekf.Error, match=rf"line 302, column 'Speed \[rpm\]': '{cell}' is not a number"):
         rw_ekf.read(tmp_path / "a.csv", columns=tmp_path / "map.yaml")
     text = csv(run, "t_s,rpm,I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{'x' if i == 30 else repr(c)}")
-    (asked,) = guess(tmp_path / "b.csv", text).guess.questions
-    assert "column 'I [A]' has 'x' in line 32" in asked.text
+    (wanted,) = guess(tmp_path / "b.csv", text).guess.questions
+    assert "column 'I [A]' has 'x' in line 32" in wanted.text
 
 
 def test_lists_in_cells_are_named(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`"[10, 9]"` is no number, and the question says that it is a list."""
     text = csv(run, "timestamp,speed,I_motor", lambda i, t, w, c: f'{t!r},"[{w:.3f}, {i}]",{c!r}')
-    (asked,) = guess(tmp_path / "a.csv", text).guess.questions
-    assert "column 'speed' holds lists, such as '[" in asked.text
+    (wanted,) = guess(tmp_path / "a.csv", text).guess.questions
+    assert "column 'speed' holds lists, such as '[" in wanted.text
 
 
 def test_a_reading_that_no_machine_has_is_no_other_unit(tmp_path: Path, run: rw_ekf.Log) -> None:
     """One speed of a million rad/s and more is asked about as a reading, with the line that makes a gap of it."""
-    (asked,) = guess(tmp_path / "a.csv", _with_cells(run, {300: "98765432"})).guess.questions
-    assert "goes to 98765432 in 1 of 600 rows" in asked.text
-    assert [line.entry.get("missing") for line in asked.answers] == [None, 98765432.0]
+    (wanted,) = guess(tmp_path / "a.csv", _with_cells(run, {300: "98765432"})).guess.questions
+    assert "goes to 98765432 in 1 of 600 rows" in wanted.text
+    assert [line.entry.get("missing") for line in wanted.answers] == [None, 98765432.0]
 
 
 def test_a_row_with_a_cell_too_many_is_named(tmp_path: Path, run: rw_ekf.Log) -> None:

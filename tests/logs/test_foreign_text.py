@@ -16,7 +16,7 @@ from pyarrow import parquet
 import rw_ekf
 from rw_ekf.cli import main
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_names import stated_by
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.reader import read_table
 from rw_ekf.units import RAD_S_PER_RPM
@@ -560,8 +560,8 @@ def test_an_amount_above_the_names_is_no_unit_of_a_column(tmp_path: Path, run: r
         "# speed (held at 500 rpm), current (0 to 2 A)",
     ):
         path.write_text(_table(_rows(run), f"{line}\nt_s,speed,current", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"))
-        asked = {question.name for question in rw_ekf.guess_columns(path).guess.questions}
-        assert "speed_rad_s" in asked
+        wanted = {question.name for question in rw_ekf.guess_columns(path).guess.questions}
+        assert "speed_rad_s" in wanted
 
 
 def test_a_drive_that_stands_in_every_row_is_not_thinned(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -649,9 +649,9 @@ def test_what_only_looks_like_a_quantity_is_not_taken_for_it(tmp_path: Path, run
 )  # fmt: skip
 def test_a_unit_is_known_in_every_way_that_a_name_has_it(name: str, unit: str) -> None:
     """The unit is that which was meant, and what a map writes for it means the same."""
-    said = said_by(name)
-    assert said.unit == unit_of(unit)
-    assert unit_of(said.unit_text) == said.unit
+    stated = stated_by(name)
+    assert stated.unit == unit_of(unit)
+    assert unit_of(stated.unit_text) == stated.unit
 
 
 def test_two_runs_in_one_file_are_two_segments(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -703,7 +703,7 @@ def test_an_angle_that_begins_anew_gives_the_speed(tmp_path: Path, run: rw_ekf.L
 
 
 @pytest.mark.parametrize(
-    ("header", "asked"),
+    ("header", "wanted"),
     [
         ("t [s],speed,I [A]", "rpm, rad/s or deg/s"),
         ("t [s],n [rpm],I1 [A],I2 [A]", "which of them is the current of the motor"),
@@ -719,19 +719,19 @@ def test_an_angle_that_begins_anew_gives_the_speed(tmp_path: Path, run: rw_ekf.L
         ("t [s],n [rpm],Strangstrom U [A]", "seems to be of one phase"),
     ],
 )
-def test_what_a_file_does_not_say_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:
+def test_what_a_file_does_not_say_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, wanted: str) -> None:
     """No meaning is taken in silence: the log is refused with the question, and the map holds it as a comment."""
     path = tmp_path / "lab.csv"
     width = header.count(",") + 1
     line = "{t!r},{a!r},{c!r}" if width == 3 else "{t!r},{a!r},{c!r},{d!r}"
     path.write_text(_table(_rows(run), header, lambda i, t, w, c: line.format(t=t, a=300.5 + w * RPM, c=c, d=c * 1.01)))
-    with pytest.raises(rw_ekf.Error, match=asked):
+    with pytest.raises(rw_ekf.Error, match=wanted):
         rw_ekf.read(path)
     found = rw_ekf.guess_columns(path)
     assert not found.is_certain
     check_document({**found.document(), "out": None})
     assert "# ASKED: " in found.text()
-    with pytest.raises(rw_ekf.Error, match=asked):
+    with pytest.raises(rw_ekf.Error, match=wanted):
         _ = found.column_map
 
 
@@ -739,8 +739,8 @@ def test_answers_settle_what_was_asked(tmp_path: Path, run: rw_ekf.Log, capsys: 
     """--set names a column, a unit or a number; the document says that nothing is left open, and the log reads so."""
     path, out = tmp_path / "lab.csv", tmp_path / "map.yaml"
     path.write_text(_table(_rows(run), "a,b,c", lambda i, t, w, c: f"{t!r},{w * RPM * 7!r},{c * MA!r}"))
-    told = ["time=a:s", "speed=1:erpm", "speed.pole_pairs=7", "current=c", "current.unit=mA"]
-    assert main(["columns", str(path), "--out", str(out), "--json", *(w for t in told for w in ("--set", t))]) == 0
+    reported = ["time=a:s", "speed=1:erpm", "speed.pole_pairs=7", "current=c", "current.unit=mA"]
+    assert main(["columns", str(path), "--out", str(out), "--json", *(w for t in reported for w in ("--set", t))]) == 0
     document = json.loads(capsys.readouterr().out)
     check_document(document)
     assert document["certain"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rw_ekf
-from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.time_text import seconds_of
 from rw_ekf.units import RAD_S_PER_RPM
@@ -23,7 +23,7 @@ Rows = list[tuple[float, float, float]]
 def test_a_number_in_a_name_scales_nothing() -> None:
     """`current_2_A` is the second current, `speed [0.1 rpm]` a tenth of one."""
     for name in ("current_2_A", "current_10_A", "i_1_A"):
-        unit = said_by(name).unit
+        unit = stated_by(name).unit
         assert unit is not None
         assert unit.factor == 1.0
     tenth = unit_of("0.1 rpm")
@@ -37,10 +37,10 @@ def test_a_pwm_frequency_is_no_rate_of_rows(tmp_path: Path, run: rw_ekf.Log) -> 
     for text in ("# PWM frequency 20 kHz", "# timer interrupt 10 kHz", "# low-pass filter cut-off freq 50 Hz"):
         found = guess(tmp_path / "a.csv", csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
         assert [question.name for question in found.guess.questions] == ["time_s"], text
-    told = guess(
+    reported = guess(
         tmp_path / "b.csv", csv(run, "# sampling rate 10 Hz\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}")
     )
-    assert told.column_map.rate_hz == 10.0
+    assert reported.column_map.rate_hz == 10.0
 
 
 def test_an_encoder_that_rises_is_no_clock(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -73,7 +73,7 @@ def test_a_reversed_sensor_is_turned_and_its_direction_column_heard(tmp_path: Pa
     log = rw_ekf.read(tmp_path / "a.csv")
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-6)
     assert log.current_A == pytest.approx(run.current_A, abs=1e-9)
-    assert role_of(said_by("direction of rotation")) == "direction"
+    assert role_of(stated_by("direction of rotation")) == "direction"
 
 
 def test_a_message_that_lacks_a_value_is_a_row_all_the_same(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -108,8 +108,8 @@ def test_two_wheels_in_one_log_are_asked_about(tmp_path: Path, run: rw_ekf.Log) 
         run, "t_s,rw1_rpm,rw2_rpm,rw1_A,rw2_A",
         lambda i, t, w, c: f"{t!r},{w * RPM!r},{1.3 * w * RPM + 5!r},{c!r},{0.8 * c!r}",
     )  # fmt: skip
-    asked = [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
-    assert asked == ["speed_rad_s", "current_A"]
+    wanted = [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
+    assert wanted == ["speed_rad_s", "current_A"]
 
 
 @pytest.mark.parametrize(
@@ -135,9 +135,9 @@ def test_a_factor_above_is_applied_to_counts_alone(tmp_path: Path, run: rw_ekf.L
     done = csv(run, head, lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}")
     shifted = csv(run, head + "\nCH2.Offset=500", lambda i, t, w, c: f"{t!r};{round(10.0 * w * RPM)};{c!r}")
     for text in (done, shifted):
-        asked = [question.text for question in guess(tmp_path / "a.txt", text).guess.questions]
-        assert len(asked) == 1
-        assert "factor 0.1" in asked[0]
+        wanted = [question.text for question in guess(tmp_path / "a.txt", text).guess.questions]
+        assert len(wanted) == 1
+        assert "factor 0.1" in wanted[0]
 
 
 def test_a_factor_of_each_signal_is_applied_or_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -157,10 +157,10 @@ def test_a_factor_of_each_signal_is_applied_or_asked_about(tmp_path: Path, run: 
 
 def test_a_step_without_a_unit_may_be_of_ms(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Of 10 it is asked, .1 is seconds; kHz are no Hz."""
-    for said, rate_hz in (({"dt": 100.0}, None), ({"dt": 0.1}, 10.0), ({"fs_kHz": 0.01}, 10.0)):
-        np.savez(tmp_path / "a.npz", speed_rpm=run.speed_rad_s * RPM, current_A=run.current_A, **said)  # type: ignore[arg-type]
+    for stated, rate_hz in (({"dt": 100.0}, None), ({"dt": 0.1}, 10.0), ({"fs_kHz": 0.01}, 10.0)):
+        np.savez(tmp_path / "a.npz", speed_rpm=run.speed_rad_s * RPM, current_A=run.current_A, **stated)  # type: ignore[arg-type]
         found = rw_ekf.guess_columns(tmp_path / "a.npz")
-        assert found.guess.options.get("rate_hz") == rate_hz, said
+        assert found.guess.options.get("rate_hz") == rate_hz, stated
         assert found.guess.is_certain == (rate_hz is not None)
 
 
@@ -267,8 +267,8 @@ def test_the_rows_of_one_wheel_are_taken_where_an_id_tells_them_apart(tmp_path: 
         run, "t_s,wheel_id,rpm,current_A",
         lambda i, t, w, c: f"{t!r},1,{0.7 * w * RPM!r},{0.3 * c!r}\n{t!r},2,{w * RPM!r},{c!r}",
     )  # fmt: skip
-    asked = guess(tmp_path / "a.csv", text).guess.questions
-    assert [question.name for question in asked] == ["only"]
+    wanted = guess(tmp_path / "a.csv", text).guess.questions
+    assert [question.name for question in wanted] == ["only"]
     chosen = rw_ekf.guess_columns(tmp_path / "a.csv", only="wheel_id:2")
     assert chosen.is_certain
     chosen.save(tmp_path / "map.yaml")
@@ -304,8 +304,8 @@ def test_lines_of_a_disc_are_no_counts_of_a_turn(tmp_path: Path, run: rw_ekf.Log
         run, "# encoder: 1024 lines per turn\nt_s,enc_counts,current_A", lambda i, t, w, c: f"{t},{count[i]},{c!r}"
     )
     assert "speed_rad_s" in [question.name for question in guess(tmp_path / "a.csv", text).guess.questions]
-    told = text.replace("1024 lines per turn", "1024 lines, x4 decoding = 4096 counts/rev")
-    line = next(line for line in guess(tmp_path / "b.csv", told).guess.lines if line.name == "speed_rad_s")
+    reported = text.replace("1024 lines per turn", "1024 lines, x4 decoding = 4096 counts/rev")
+    line = next(line for line in guess(tmp_path / "b.csv", reported).guess.lines if line.name == "speed_rad_s")
     assert line.entry["counts_per_turn"] == 4096.0
 
 
@@ -410,7 +410,7 @@ def test_durations_with_their_unit_in_the_cells_are_times(tmp_path: Path, run: r
 
 
 @pytest.mark.parametrize(
-    ("cell", "asked"),
+    ("cell", "wanted"),
     [
         ("{x!r} mA|{x!r}", "no column is known to be the current"),  # a number without a unit among others
         ("{x!r} mA|{x!r} V", "no column is known to be the current"),
@@ -418,14 +418,14 @@ def test_durations_with_their_unit_in_the_cells_are_times(tmp_path: Path, run: r
     ],
 )
 def test_cells_whose_units_do_not_fit_each_other_are_no_numbers(
-    tmp_path: Path, run: rw_ekf.Log, cell: str, asked: str
+    tmp_path: Path, run: rw_ekf.Log, cell: str, wanted: str
 ) -> None:
     """One unit for all of a column, or of one quantity: else what it measures is not known."""
     kinds = cell.split("|")
     found = guess(tmp_path / "a.csv", csv(
         run, "Time,speed,current", lambda i, t, w, c: f"{t!r} s,{w!r} rad/s," + kinds[i % 2].format(x=1e3 * c + 1.0)
     ))  # fmt: skip
-    assert [question.text.startswith(asked) for question in found.guess.questions] == [True]
+    assert [question.text.startswith(wanted) for question in found.guess.questions] == [True]
 
 
 def test_a_unit_in_a_cell_speaks_louder_than_the_one_above(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -560,7 +560,7 @@ def test_counts_of_each_row_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> 
 
 
 @pytest.mark.parametrize(
-    ("told", "name", "asked"),
+    ("reported", "name", "wanted"),
     [
         ("2048 counts/rev|dcnt = encoder counts since previous line, every 100 ms", "dcnt", ""),
         ("2048 counts/rev|dcnt: encoder counts per sample", "dcnt", ""),
@@ -573,16 +573,16 @@ def test_counts_of_each_row_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> 
     ],
 )
 def test_counts_of_an_interval_are_a_speed_where_the_file_says_all(
-    tmp_path: Path, run: rw_ekf.Log, told: str, name: str, asked: str
+    tmp_path: Path, run: rw_ekf.Log, reported: str, name: str, wanted: str
 ) -> None:
     """Counts of a turn, the interval and that they are of one row alone: what is not said, or not so, is asked."""
     turns = np.concatenate([[0.0], np.cumsum(run.speed_rad_s[1:] * np.diff(run.time_s))]) / (2.0 * math.pi)
     counts = np.diff(np.round(2048.0 * turns), prepend=0.0).astype(int)
-    told = told.replace("|", "\n")
-    text = csv(run, f"{told}\nt_ms,{name},I_A", lambda i, t, w, c: f"{1000 * t:.0f},{counts[i]},{c!r}")
+    reported = reported.replace("|", "\n")
+    text = csv(run, f"{reported}\nt_ms,{name},I_A", lambda i, t, w, c: f"{1000 * t:.0f},{counts[i]},{c!r}")
     found = guess(tmp_path / "a.csv", text)
-    assert any(asked in question.text for question in found.guess.questions) == bool(asked)
-    if not asked:
+    assert any(wanted in question.text for question in found.guess.questions) == bool(wanted)
+    if not wanted:
         quantum = 2.0 * math.pi / 2048.0 / 0.1
         log = rw_ekf.read(tmp_path / "a.csv")
         assert log.speed_rad_s[1:] == pytest.approx(run.speed_rad_s[1:], abs=1.01 * quantum)
@@ -611,7 +611,7 @@ def test_t_c_alone_is_a_temperature_where_it_is_warm(
 
 
 @pytest.mark.parametrize(
-    ("header", "asked"),
+    ("header", "wanted"),
     [
         ("__time,/state/rw/velocity,/driver/current_A", "rpm, rad/s or deg/s"),
         ("__time,/joint_states/rw1/velocity,/joint_states/rw2/velocity,/driver/current_A", "which of them"),
@@ -622,11 +622,11 @@ def test_t_c_alone_is_a_temperature_where_it_is_warm(
         ("t_s,rw2_rpm,rw1_current_A", "seem to be of two wheels"),
     ],
 )
-def test_what_a_name_is_near_to_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:
+def test_what_a_name_is_near_to_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, wanted: str) -> None:
     """A topic that is no JointState's, two joints of one, a temperature for a time or a drive, two wheels."""
     count = header.count(",") - 1
     text = csv(run, header, lambda i, t, w, c: f"{t!r},{','.join([repr(w * (1 + k)) for k in range(count)])},{c!r}")
-    assert any(asked in question.text for question in guess(tmp_path / "a.csv", text).guess.questions)
+    assert any(wanted in question.text for question in guess(tmp_path / "a.csv", text).guess.questions)
 
 
 def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
@@ -646,9 +646,9 @@ def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
 def test_a_coast_down_beside_what_moves_like_a_drive_is_asked_about(tmp_path: Path) -> None:
     """A column `Power` that falls with the speed may be what lets it fall; a battery's charge is none."""
     fall = [(0.1 * i, 300.0 * math.exp(-0.01 * i) + 1.0) for i in range(400)]
-    for name, asked in (("Power", ["current_A"]), ("effort", ["current_A"]), ("pressure [Pa]", [])):
+    for name, wanted in (("Power", ["current_A"]), ("effort", ["current_A"]), ("pressure [Pa]", [])):
         text = f"t_s,rpm,{name}\n" + "".join(f"{t:.1f},{w:.3f},{45.0 - 0.04 * w:.3f}\n" for t, w in fall)
-        assert [question.name for question in guess(tmp_path / "a.csv", text).guess.questions] == asked, name
+        assert [question.name for question in guess(tmp_path / "a.csv", text).guess.questions] == wanted, name
 
 
 def test_a_wheel_that_speeds_up_without_a_drive_is_told_so(tmp_path: Path) -> None:
@@ -674,8 +674,8 @@ def test_why_a_column_of_time_is_none_is_said(tmp_path: Path, run: rw_ekf.Log) -
     path = tmp_path / "a.csv"
     path.write_text(csv(run, "time_us,rpm,current_A", lambda i, t, w, c: f"{t * 5.0e-3!r},{w * RPM!r},{c!r}"))
     for given in ({}, {"time": "time_us"}):
-        asked = rw_ekf.guess_columns(path, **given).guess.questions
-        assert any("5e-10 s apart" in question.text for question in asked if question.name == "time_s"), given
+        wanted = rw_ekf.guess_columns(path, **given).guess.questions
+        assert any("5e-10 s apart" in question.text for question in wanted if question.name == "time_s"), given
     text = csv(run, "time_s,rpm,current_A", lambda i, t, w, c: f"{t if i != 1 else -3.0!r},{w * RPM!r},{c!r}")
     assert "time_s" not in [q.name for q in guess(tmp_path / "b.csv", text).guess.questions]
 
@@ -695,8 +695,8 @@ def test_a_q_axis_current_is_no_supply_s(tmp_path: Path, run: rw_ekf.Log) -> Non
     """Where voltage and power beside it are zero throughout, every current is the supply's by arithmetic."""
     text = csv(run, "t_s,erpm [rpm],q_axis_current [A],power,voltage_in",
                 lambda i, t, w, c: f"{t},{w * RPM},{c},{12.0 * c},12.0")  # fmt: skip
-    asked = guess(tmp_path / "a.csv", text).guess.questions
-    assert not any("supply" in question.text for question in asked)
+    wanted = guess(tmp_path / "a.csv", text).guess.questions
+    assert not any("supply" in question.text for question in wanted)
 
 
 def test_a_probe_s_sensitivity_beside_a_current_without_a_unit_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -813,8 +813,8 @@ def test_an_encoder_begins_anew_where_its_jumps_say(tmp_path: Path, per_turn: in
     rows = "".join(
         f"{t:.3f},{n},{c:.4f}\n" for t, n, c in zip(time_s.tolist(), counts.tolist(), current.tolist(), strict=True)
     )
-    said = f"# encoder: {per_turn} counts per turn\ntime_s,enc_counts,current_A\n"
-    log = rw_ekf.read(_written(tmp_path / "said.csv", said + rows))
+    stated = f"# encoder: {per_turn} counts per turn\ntime_s,enc_counts,current_A\n"
+    log = rw_ekf.read(_written(tmp_path / "said.csv", stated + rows))
     assert np.nanmax(np.abs(log.speed_rad_s - speed)) < 1.1 * 2.0 * math.pi / per_turn / 0.004
     found = guess(tmp_path / "wordless.csv", "time_s,enc_counts,current_A\n" + rows).guess
     assert found.is_certain == (per_turn in (4000, 4096, 8192) and wrap == per_turn)
@@ -871,13 +871,13 @@ def test_a_unit_that_no_one_knows_is_not_the_usual_one(tmp_path: Path, run: rw_e
 
 def test_a_unit_in_json_that_no_one_knows_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """The same where a file has units beside its columns, and of one whose factor is in front."""
-    for unit, factor, asked in (("Skt", 7.3, 1), ("10 1/min", 0.1, 0)):
+    for unit, factor, wanted in (("Skt", 7.3, 1), ("10 1/min", 0.1, 0)):
         content = {
             "t_s": run.time_s.tolist(), "n": (run.speed_rad_s * RPM * factor).tolist(), "I_A": run.current_A.tolist(),
         }  # fmt: skip
         path = tmp_path / "a.json"
         path.write_text(json.dumps({**content, "n": {"unit": unit, "values": content["n"]}}))
-        assert len(rw_ekf.guess_columns(path).guess.questions) == asked
+        assert len(rw_ekf.guess_columns(path).guess.questions) == wanted
     assert rw_ekf.read(path).speed_rad_s == pytest.approx(run.speed_rad_s)
 
 
@@ -890,11 +890,11 @@ def test_a_counter_that_begins_anew_is_taken_for_a_turn_with_a_word(tmp_path: Pa
         rows = zip(time.tolist(), (np.floor(turns * per_turn).astype(int) % 2**bits).tolist(), strict=True)
         path = tmp_path / f"{name}.csv"
         path.write_text(f"t_s,{name},I_A\n" + "".join(f"{t:.2f},{n},{0.2 * math.cos(0.2 * t)!r}\n" for t, n in rows))
-        said = [text for text in rw_ekf.read(path).warnings if "taken for a turn" in text]
-        assert bool(said) == warned
-    told = rw_ekf.guess_columns(tmp_path / "encoder.csv", speed__counts_per_turn=per_turn)
-    assert not told.guess.warnings
-    log = rw_ekf.read(tmp_path / "encoder.csv", told)
+        stated = [text for text in rw_ekf.read(path).warnings if "taken for a turn" in text]
+        assert bool(stated) == warned
+    reported = rw_ekf.guess_columns(tmp_path / "encoder.csv", speed__counts_per_turn=per_turn)
+    assert not reported.guess.warnings
+    log = rw_ekf.read(tmp_path / "encoder.csv", reported)
     assert float(np.nanmax(log.speed_rad_s)) == pytest.approx(12.0 * 2.0 * math.pi, rel=0.02)
 
 
@@ -1005,8 +1005,8 @@ def test_current_may_mean_the_present_one(tmp_path: Path, run: rw_ekf.Log) -> No
     )
     log = rw_ekf.read(path)
     assert log.current_A == pytest.approx(run.current_A)
-    assert role_of(said_by("current_speed")) == "speed"
-    assert role_of(said_by("current_sense")) == "current"
+    assert role_of(stated_by("current_speed")) == "speed"
+    assert role_of(stated_by("current_sense")) == "current"
 
 
 def test_a_count_of_ms_may_be_as_large_as_seconds_since_1970(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -1014,8 +1014,8 @@ def test_a_count_of_ms_may_be_as_large_as_seconds_since_1970(tmp_path: Path, run
     text = csv(run, "stamp,rpm,I_A", lambda i, t, w, c: f"{1_070_000_000 + round(1e3 * t)},{w * RPM!r},{c!r}")
     (question,) = guess(tmp_path / "a.csv", text).guess.questions
     assert [answer.entry["unit"] for answer in question.answers] == ["s", "ms"]
-    said = csv(run, "time_ms,rpm,I_A", lambda i, t, w, c: f"{round(1e6 * t)},{w * RPM!r},{c!r}")
-    assert "100 s apart" in guess(tmp_path / "b.csv", said).guess.warnings[0]
+    stated = csv(run, "time_ms,rpm,I_A", lambda i, t, w, c: f"{round(1e6 * t)},{w * RPM!r},{c!r}")
+    assert "100 s apart" in guess(tmp_path / "b.csv", stated).guess.warnings[0]
 
 
 def test_a_minus_of_typography_is_one(tmp_path: Path, run: rw_ekf.Log) -> None:

@@ -15,7 +15,7 @@ from tests.foreign_logs import csv, guess
 RPM = 1.0 / RAD_S_PER_RPM
 
 
-def _asked(found: rw_ekf.GuessedColumns) -> list[str]:
+def _wanted(found: rw_ekf.GuessedColumns) -> list[str]:
     return [question.name for question in found.guess.questions]
 
 
@@ -28,14 +28,14 @@ def test_a_yaw_rate_beside_a_motor_is_no_speed_of_it(tmp_path: Path, run: rw_ekf
             lambda i, t, w, c, yaws=yaws: f"{t},{w / 9},{math.sin(t / 3) if yaws else w},{w * RPM * 7},{c}",  # type: ignore[misc]
         )
         found = guess(tmp_path / "a.csv", text)
-        assert (_asked(found) == ["speed_rad_s"]) == yaws, found.text()
+        assert (_wanted(found) == ["speed_rad_s"]) == yaws, found.text()
 
 
 def test_a_rate_beside_x_and_y_may_be_a_heading_s(tmp_path: Path, run: rw_ekf.Log) -> None:
     """A pose has one too; of a speed that is called the wheel's nothing is asked."""
-    for name, asked in (("omega", ["speed_rad_s"]), ("wheel_omega", [])):
+    for name, wanted in (("omega", ["speed_rad_s"]), ("wheel_omega", [])):
         text = csv(run, f"t,x,y,{name},current", lambda i, t, w, c: f"{t},{w / 9 + t},{w / 8},{w / 10},{c}")
-        assert _asked(guess(tmp_path / "a.csv", text)) == asked
+        assert _wanted(guess(tmp_path / "a.csv", text)) == wanted
 
 
 @pytest.mark.parametrize("other", ["Speed_kmh", "speed [mph]", "Cadence_rpm", "pedal_rpm", "crank rpm"])
@@ -45,11 +45,11 @@ def test_what_a_motor_moves_stands_behind_its_own_speed(tmp_path: Path, run: rw_
     beside = guess(tmp_path / "a.csv", text).guess
     assert [question.text.split("'")[1] for question in beside.questions] == ["ERPM"]
     text = csv(run, f"t_s,{other},IMotor_A", lambda i, t, w, c: f"{t},{w / 9},{c}")
-    assert _asked(guess(tmp_path / "b.csv", text)) in (["speed_rad_s"], ["speed_rpm"])
+    assert _wanted(guess(tmp_path / "b.csv", text)) in (["speed_rad_s"], ["speed_rpm"])
 
 
 @pytest.mark.parametrize(
-    ("names", "asked"),
+    ("names", "wanted"),
     [
         ("Current,Voltage", True), ("ESC current [A],ESC voltage [V]", True),
         ("motor_hv_current,motor_hv_voltage", True),
@@ -57,24 +57,24 @@ def test_what_a_motor_moves_stands_behind_its_own_speed(tmp_path: Path, run: rw_
     ],
 )  # fmt: skip
 def test_a_voltage_that_holds_beside_a_current_is_the_supply_s(
-    tmp_path: Path, run: rw_ekf.Log, names: str, *, asked: bool
+    tmp_path: Path, run: rw_ekf.Log, names: str, *, wanted: bool
 ) -> None:
     """A motor's would go with its speed: then the current may be the supply's too, where nothing says whose it is."""
     text = csv(run, f"t_s,rpm,{names}", lambda i, t, w, c: f"{t},{w * RPM},{c},{24.0 - 0.1 * abs(c):.3f}")
     found = guess(tmp_path / "a.csv", text)
-    assert _asked(found) == (["current_A"] if asked else []), found.text()
+    assert _wanted(found) == (["current_A"] if wanted else []), found.text()
 
 
 def test_a_current_beside_a_voltage_that_goes_with_the_speed_is_the_motor_s(tmp_path: Path, run: rw_ekf.Log) -> None:
     """So it is beside a commanded one, which nobody commands a supply."""
     text = csv(run, "t_s,rpm,current,voltage", lambda i, t, w, c: f"{t},{w * RPM},{c},{w * 0.02 + c * 0.3}")
-    assert not _asked(guess(tmp_path / "a.csv", text))
+    assert not _wanted(guess(tmp_path / "a.csv", text))
     text = csv(
         run,
         "t_s,rpm,current,voltage,current_set",
         lambda i, t, w, c: f"{t},{w * RPM},{c},{24.0 - 0.1 * abs(c):.3f},{c}",
     )
-    assert not _asked(guess(tmp_path / "b.csv", text))
+    assert not _wanted(guess(tmp_path / "b.csv", text))
 
 
 def test_the_temperature_of_electronics_is_not_the_wheel_s(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -104,8 +104,8 @@ def test_a_doubt_about_guessed_columns_is_a_warning_of_every_verb(tmp_path: Path
     found = guess(tmp_path / "a.csv", text)
     assert len(found.doubts) == 1
     log = rw_ekf.read(tmp_path / "a.csv")
-    for told in (rw_ekf.replay(log), rw_ekf.fit(log)):
-        assert sum(found.doubts[0] in warning for warning in told.warnings) == 1
+    for reported in (rw_ekf.replay(log), rw_ekf.fit(log)):
+        assert sum(found.doubts[0] in warning for warning in reported.warnings) == 1
     with_map = rw_ekf.read(tmp_path / "a.csv", found.column_map)
     assert not any(found.doubts[0] in warning for warning in rw_ekf.replay(with_map).warnings)
 
@@ -117,19 +117,19 @@ def test_a_doubt_about_guessed_columns_is_a_warning_of_every_verb(tmp_path: Path
 def test_what_rises_in_a_unit_of_time_is_the_time_in_any_language(tmp_path: Path, run: rw_ekf.Log, names: str) -> None:
     """Where no word is known for it; a delay, whose word is known, is none."""
     text = csv(run, names, lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}".replace(".", ","))
-    assert not _asked(guess(tmp_path / "a.csv", text))
+    assert not _wanted(guess(tmp_path / "a.csv", text))
     delay = text.replace(names.split(";", maxsplit=1)[0], "integral (s)")
-    assert _asked(guess(tmp_path / "b.csv", delay)) == ["time_s"]
+    assert _wanted(guess(tmp_path / "b.csv", delay)) == ["time_s"]
 
 
 def test_a_mark_between_names_and_rows_is_not_the_names(tmp_path: Path, run: rw_ekf.Log) -> None:
     """`TRIP_START,,,` below the names; the word in front of names that are a comment is none of them either."""
     text = csv(run, "t_ms,motor_rpm,i_A,x\nTRIP_START,,,", lambda i, t, w, c: f"{1e3 * t:.0f},{w * RPM},{c},0")
     found = guess(tmp_path / "a.csv", text + "TRIP_END,,,\n")
-    assert not _asked(found)
+    assert not _wanted(found)
     text = csv(run, "#FW,bench,1.2\n#COLS,t_ms,rpm,i_A", lambda i, t, w, c: f"{1e3 * t:.0f},{w * RPM},{c}")
     marked = guess(tmp_path / "b.csv", text)
-    assert not _asked(marked)
+    assert not _wanted(marked)
     assert marked.guess.mapping()["current_A"] == {"column": "i_A"}
 
 
@@ -154,7 +154,7 @@ def test_dates_of_serial_studio_are_read(tmp_path: Path, run: rw_ekf.Log) -> Non
 def test_a_word_that_no_list_has_says_whose_a_current_is(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """Beside a word that is known, one that is not says of what it is: it is asked about, and can be answered."""
     path = tmp_path / "a.csv"
-    assert _asked(guess(path, csv(run, f"t_s,rpm,{name}", lambda i, t, w, c: f"{t},{w * RPM},{c}"))) == ["current_A"]
+    assert _wanted(guess(path, csv(run, f"t_s,rpm,{name}", lambda i, t, w, c: f"{t},{w * RPM},{c}"))) == ["current_A"]
     assert rw_ekf.guess_columns(path, current=name).is_certain
 
 
@@ -179,7 +179,7 @@ def test_a_word_that_no_list_has_says_whose_a_speed_is(tmp_path: Path, run: rw_e
 def test_a_word_of_a_device_or_of_no_meaning_is_not_asked_about(tmp_path: Path, run: rw_ekf.Log, names: str) -> None:
     """What other names have too is a device's, and some words say nothing of whose it is."""
     text = csv(run, f"t_s,{names}", lambda i, t, w, c: f"{t},{w * RPM},{c}")
-    assert not _asked(guess(tmp_path / "a.csv", text))
+    assert not _wanted(guess(tmp_path / "a.csv", text))
 
 
 def test_names_between_the_rows_of_which_one_is_another_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -189,8 +189,8 @@ def test_names_between_the_rows_of_which_one_is_another_are_asked_about(tmp_path
         first = csv(run, "# run 1\nt_s,rpm,i_A", lambda i, t, w, c: f"{t:.3f},{w * RPM:.3f},{c:.5f}")
         return first + csv(run, f"# run 2\nt_s,rpm,{name}", lambda i, t, w, c: f"{t:.3f},{w * RPM:.3f},{c * scale:.5f}")
 
-    assert _asked(guess(tmp_path / "a.csv", runs("i_mA", 1e3))) == ["layout"]
-    assert not _asked(guess(tmp_path / "b.csv", runs("i_A", 1.0)))
+    assert _wanted(guess(tmp_path / "a.csv", runs("i_mA", 1e3))) == ["layout"]
+    assert not _wanted(guess(tmp_path / "b.csv", runs("i_A", 1.0)))
 
 
 @pytest.mark.parametrize(
@@ -217,9 +217,9 @@ def test_durations_and_types_of_numbers_are_read(tmp_path: Path, run: rw_ekf.Log
 def test_a_frequency_stands_behind_a_speed_in_rpm(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Of pulses or of a field it says less; where it stands alone it is asked about, as before."""
     text = csv(run, "t_s,rpm,freq_hz,i_mot_A", lambda i, t, w, c: f"{t},{w * RPM},{w * RPM / 15},{c}")
-    assert not _asked(guess(tmp_path / "a.csv", text))
+    assert not _wanted(guess(tmp_path / "a.csv", text))
     text = csv(run, "t_s,freq_hz,i_mot_A", lambda i, t, w, c: f"{t},{w * RPM / 15},{c}")
-    assert _asked(guess(tmp_path / "b.csv", text)) == ["speed_rad_s"]
+    assert _wanted(guess(tmp_path / "b.csv", text)) == ["speed_rad_s"]
 
 
 def test_lists_of_numbers_in_lines_are_columns_without_names(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -228,5 +228,5 @@ def test_lists_of_numbers_in_lines_are_columns_without_names(tmp_path: Path, run
     rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
     path.write_text("".join(f"[{t!r}, {w!r}, {c!r}]\n" for t, w, c in rows))
     assert len(rw_ekf.guess_columns(path).guess.questions) == 3
-    told = rw_ekf.guess_columns(path, time="0:s", speed="1:rad/s", current="2:A")
-    assert np.array_equal(rw_ekf.read(path, told).speed_rad_s, run.speed_rad_s)
+    reported = rw_ekf.guess_columns(path, time="0:s", speed="1:rad/s", current="2:A")
+    assert np.array_equal(rw_ekf.read(path, reported).speed_rad_s, run.speed_rad_s)

@@ -20,7 +20,7 @@ def run() -> rw_ekf.Log:
     return rw_ekf.simulate("steps", duration_s=30.0, seed=33)
 
 
-def _asked(path: Path, run: rw_ekf.Log, speed: str, drive: str) -> list[str]:
+def _wanted(path: Path, run: rw_ekf.Log, speed: str, drive: str) -> list[str]:
     """What is asked of a log whose speed and drive are called so."""
     text = csv(run, f"time_s;{speed};{drive}", lambda i, t, w, c: f"{t!r};{w * RPM!r};{c!r}")
     return [question.name.split("_")[0] for question in guess(path / "a.csv", text).guess.questions]
@@ -40,7 +40,7 @@ def test_another_current_or_torque_is_asked_about_in_other_languages(
     tmp_path: Path, run: rw_ekf.Log, name: str
 ) -> None:
     """A supply's, a heater's, a load's, a limit: a compound whose first part no list has says that it is of that."""
-    assert _asked(tmp_path, run, "n [rpm]", name) == ["current"]
+    assert _wanted(tmp_path, run, "n [rpm]", name) == ["current"]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_another_current_or_torque_is_asked_about_in_other_languages(
 )  # fmt: skip
 def test_a_motors_own_is_not(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """Where all parts of a compound are known ones, there is nothing to ask."""
-    assert not _asked(tmp_path, run, "n [rpm]", name)
+    assert not _wanted(tmp_path, run, "n [rpm]", name)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_a_motors_own_is_not(tmp_path: Path, run: rw_ekf.Log, name: str) -> None
 )  # fmt: skip
 def test_no_speed_of_the_wheel_is_taken_for_it(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """An electrical speed, a slip, the turning of what carries the wheel."""
-    assert _asked(tmp_path, run, name, "I [A]") == ["speed"]
+    assert _wanted(tmp_path, run, name, "I [A]") == ["speed"]
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_no_speed_of_the_wheel_is_taken_for_it(tmp_path: Path, run: rw_ekf.Log, 
 )  # fmt: skip
 def test_a_speed_that_says_its_unit_is_taken(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """Also where the unit is all that it is called, or an object of a drive stands beside it."""
-    assert not _asked(tmp_path, run, name, "I [A]")
+    assert not _wanted(tmp_path, run, name, "I [A]")
 
 
 def test_a_trend_of_a_controller_has_parts_of_a_second_behind_a_semicolon(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -105,8 +105,8 @@ def test_an_oscilloscope_has_start_and_increment_behind_its_columns(tmp_path: Pa
     assert [question.text for question in chosen.guess.questions] == [
         "column 'CH1 [Volt]' is in Volt: how fast is one? --set speed.unit=rpm --set speed.scale=RPM_OF_ONE."
     ]
-    told = rw_ekf.guess_columns(tmp_path / "a.csv", speed="CH1 [Volt]", speed__unit="rpm", speed__scale=100.0 * RPM)
-    log = rw_ekf.read(tmp_path / "a.csv", columns=told.column_map)
+    reported = rw_ekf.guess_columns(tmp_path / "a.csv", speed="CH1 [Volt]", speed__unit="rpm", speed__scale=100.0 * RPM)
+    log = rw_ekf.read(tmp_path / "a.csv", columns=reported.column_map)
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-3)
 
 
@@ -147,13 +147,13 @@ def test_a_map_keeps_what_was_said_of_the_file(tmp_path: Path, run: rw_ekf.Log) 
 )  # fmt: skip
 def test_numbers_that_are_no_amperes_yet_are_asked_about(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """A sensor's volts; counts by their name or unit, with decimals, which no count has."""
-    assert _asked(tmp_path, run, "n [rpm]", name) == ["current"]
+    assert _wanted(tmp_path, run, "n [rpm]", name) == ["current"]
 
 
 @pytest.mark.parametrize("name", ["101 <RPM> (VDC)", "rpm²", "erpm_100"])
 def test_nor_a_speed_in_volts_or_hundreds(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """The last bracket is the unit."""
-    assert _asked(tmp_path, run, name, "I [A]")[0] == "speed"
+    assert _wanted(tmp_path, run, name, "I [A]")[0] == "speed"
 
 
 @pytest.mark.parametrize(
@@ -183,10 +183,10 @@ def test_a_word_before_each_number_is_its_name(tmp_path: Path, run: rw_ekf.Log) 
     assert "its columns have no names" in marked.text()
 
 
-@pytest.mark.parametrize("said", ["采样周期(us),100000", "Sampling time [ms];100", "Log interval: 100 ms"])
-def test_the_rate_of_rows_has_its_unit_before_or_behind_it(tmp_path: Path, run: rw_ekf.Log, said: str) -> None:
+@pytest.mark.parametrize("stated", ["采样周期(us),100000", "Sampling time [ms];100", "Log interval: 100 ms"])
+def test_the_rate_of_rows_has_its_unit_before_or_behind_it(tmp_path: Path, run: rw_ekf.Log, stated: str) -> None:
     """In brackets, or behind a comma."""
-    found = guess(tmp_path / "a.csv", csv(run, f"{said}\nn_rpm,I_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+    found = guess(tmp_path / "a.csv", csv(run, f"{stated}\nn_rpm,I_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
     assert found.guess.options == {"rate_hz": pytest.approx(10.0)}
 
 

@@ -31,9 +31,9 @@ def test_a_record_is_known_in_another_form_and_under_another_name(tmp_path: Path
     assert print_of(read_log(log_of(tmp_path / "longer.csv", 2, 400))) != print_of(log)
     source = {"method": "filter", "log": "a.csv", "record": print_of(log)}
     renamed = replace(log, name="x/c.csv")
-    said = made_of(source, renamed)
-    assert said is not None
-    assert "x/c.csv: the model given was made of this very log (a.csv)" in said
+    stated = made_of(source, renamed)
+    assert stated is not None
+    assert "x/c.csv: the model given was made of this very log (a.csv)" in stated
     (tmp_path / "other").mkdir()
     assert made_of(source, read_log(log_of(tmp_path / "other" / "a.csv", 3))) is None
 

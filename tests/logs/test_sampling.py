@@ -32,7 +32,7 @@ def test_rows_lost_from_a_grid_are_counted() -> None:
     sampling = sampling_of(log_of(time[keep], speed[keep]))
     assert sampling.period_s == pytest.approx(0.1)
     assert sampling.lost == pytest.approx(np.count_nonzero(~keep), abs=3)
-    assert "on a 10 Hz grid, 35 % of the rows and their commands are missing" in sampling.said_first
+    assert "on a 10 Hz grid, 35 % of the rows and their commands are missing" in sampling.first_remark
 
 
 @pytest.mark.parametrize("lost", [0.02, 0.1, 0.35])
@@ -92,7 +92,7 @@ def test_readings_that_are_held_are_no_readings(grid: float) -> None:
     sampling = sampling_of(log)
     assert sampling.refresh_s == pytest.approx(1.0 / 30.0, rel=0.02)
     assert sampling.held_share == pytest.approx(0.7, abs=0.02)
-    assert "of the rows repeat the reading before, which is refreshed at 30 Hz" in sampling.said_first
+    assert "of the rows repeat the reading before, which is refreshed at 30 Hz" in sampling.first_remark
     left = np.isfinite(mended(log, sampling).speed_rad_s)
     assert np.count_nonzero(left) == pytest.approx(np.count_nonzero(first), rel=0.02)
     assert not np.any(left & ~first)

@@ -28,7 +28,7 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
     """A headless Chromium; at its end nothing was written to the console."""
     with Browser(tmp_path / "profile") as browser:
         yield browser
-        assert browser.said == []
+        assert browser.stated == []
 
 
 @pytest.fixture

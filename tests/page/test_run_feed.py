@@ -64,8 +64,8 @@ def test_parts_are_one_run_whatever_form_they_have(tmp_path: Path) -> None:
         second.write_text("".join([lines[0], *lines[21:]]))
         path.unlink()
     feed = RunFeed(tmp_path / f"{run.name}.csv")
-    told = feed.history()
-    assert len(told["log"]["time_s"]) == len(told["estimates"]["time_s"]) == 40
+    reported = feed.history()
+    assert len(reported["log"]["time_s"]) == len(reported["estimates"]["time_s"]) == 40
     tail = feed.tail()
     assert tail.look()["log"] == {}
     with (tmp_path / f"{run.name}.part002.csv").open("a") as log:

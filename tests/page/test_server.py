@@ -106,10 +106,10 @@ def test_the_page_and_its_files_fetch_nothing_from_elsewhere(served: Served) -> 
 def test_a_history_and_the_list_of_runs(served: Served, run: RunOnDisk) -> None:
     """Rows, events and state of the newest run, or of one by name; wrong input is told what is wrong."""
     assert served.get("/api/runs")[2] == {"runs": [run.name], "stop": True, "wheels": 1}
-    told = served.get("/api/history")[2]
-    assert len(told["log"]["time_s"]) == 200
-    assert told["state"]["run_state"] == "TRACKING"
-    assert told["events"][0]["state"] == "TRACKING"
+    reported = served.get("/api/history")[2]
+    assert len(reported["log"]["time_s"]) == 200
+    assert reported["state"]["run_state"] == "TRACKING"
+    assert reported["events"][0]["state"] == "TRACKING"
     assert len(served.get("/api/history?points=20&from=110&to=112")[2]["log"]["time_s"]) <= 21
     assert served.get("/api/history?points=x")[0] == 400
     status, _, body = served.get("/api/history?run=../../etc/passwd")
@@ -131,7 +131,7 @@ def test_a_watcher_tells_the_curve_as_it_is_learned(run: RunOnDisk, monkeypatch:
     model = rw_ekf.fit(rw_ekf.simulate("identification", duration_s=120.0, seed=2)).model
     model.save(run.folder / f"{run.name}.start.yaml")
 
-    async def told() -> dict[str, Any]:
+    async def reported() -> dict[str, Any]:
         async with Watcher(RunFeed(run.log)).client() as queue:
             while True:
                 for event in (await asyncio.wait_for(queue.get(), 60.0)).decode().split("\n\n")[:-1]:
@@ -141,7 +141,7 @@ def test_a_watcher_tells_the_curve_as_it_is_learned(run: RunOnDisk, monkeypatch:
                     if message["kind"] == "curve":
                         return dict(message)
 
-    curve = asyncio.run(told())
+    curve = asyncio.run(reported())
     assert curve["now"]["speed_rad_s"][-1] == pytest.approx(44.0, abs=1.0)
     assert curve["now"]["friction_rad_s2"] != curve["began"]["friction_rad_s2"]
 
@@ -172,7 +172,7 @@ def test_who_was_not_sent_here_is_refused(served: Served, stops: list[str]) -> N
 
 def test_beyond_this_machine_nothing_is_told_without_the_token(run: RunOnDisk) -> None:
     """Where others can ask, each question needs it; the page itself, which says nothing, does not."""
-    page = Served(Place([run.folder]), Access("0.0.0.0", "secret", asked_always=True))
+    page = Served(Place([run.folder]), Access("0.0.0.0", "secret", wanted_always=True))
     try:
         assert page.get("/")[0] == 200
         assert page.get("/api/runs")[0] == 403
@@ -300,7 +300,7 @@ def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) 
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         (["nowhere"], "no such file or folder"),
         ([".", "--listen", "here"], "HOST:PORT"),
@@ -308,12 +308,12 @@ def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) 
         ([".", "--listen", "203.0.113.7:8000"], "cannot be served there"),
     ],
 )
-def test_wrong_input_is_told_in_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_input_is_told_in_one_line(words: list[str], stated: str, capsys: pytest.CaptureFixture[str]) -> None:
     """With status 2, and no trace of Python."""
     from rw_ekf.cli import main
 
     assert main(["view", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert stated in capsys.readouterr().err
 
 
 def test_a_report_is_made_with_the_token_alone_and_is_one_link_away(served: Served, run: RunOnDisk) -> None:
@@ -323,8 +323,8 @@ def test_a_report_is_made_with_the_token_alone_and_is_one_link_away(served: Serv
     made = run.folder / f"{run.name}.report" / "report.html"
     made.parent.mkdir()
     made.write_text("<h1>adequate</h1>")
-    told = served.get("/api/report")[2]
-    status, headers, body = served.get(f"/{told['link']}")
+    reported = served.get("/api/report")[2]
+    status, headers, body = served.get(f"/{reported['link']}")
     assert (status, body) == (200, "<h1>adequate</h1>")
     assert headers.get_all("content-security-policy")[-1].startswith("sandbox; default-src 'none'")
     assert served.get("/report/guessed")[0] == 404
@@ -339,10 +339,10 @@ def test_the_report_of_a_run_is_its_diagnosis(tmp_path: Path) -> None:
         log.save(path) if text is None else path.write_text(text)
         reports = Reports()
         reports.begin(path)
-        while (told := reports.state(path))["report"] == "working":
+        while (reported := reports.state(path))["report"] == "working":
             time.sleep(0.2)
-        assert told["report"] == ("ready" if text is None else "failed"), told
+        assert reported["report"] == ("ready" if text is None else "failed"), reported
         if text is None:
             assert "<html" in report_path(path).read_text()
         else:
-            assert "is not a number" in told["text"]
+            assert "is not a number" in reported["text"]

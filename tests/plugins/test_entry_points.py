@@ -131,9 +131,9 @@ def test_a_broken_one_is_named_in_a_sentence(tmp_path: Path, group: str, value: 
         "rw_ekf.sinks": "import rw_ekf.sinks.all_sinks as r; r._all_sinks()",
     }[group]
     code = f"from rw_ekf.errors import ConfigError\ntry:\n    {use}\nexcept ConfigError as error:\n    print(error)"
-    said = python(tmp_path, code)
-    assert f"{group}: 'odd' of the package odd-lab 1.0" in said
-    assert words in said
+    stated = python(tmp_path, code)
+    assert f"{group}: 'odd' of the package odd-lab 1.0" in stated
+    assert words in stated
 
 
 def test_a_broken_effect_ends_a_diagnosis_in_words(tmp_path: Path) -> None:
@@ -172,9 +172,9 @@ def test_its_effect_is_found_in_a_record_of_a_wheel_that_has_it(site: Path, pyte
     document = json.loads(done.stdout)
     assert document["verdict"]["effects"] == ["seal_drag"]
     found = next(item for item in document["candidates"] if item["effect"] == "seal_drag")
-    told = found["parameters"]["coefficient_rad_s3"]
-    assert abs(told["value"] - size) < 4.0 * told["std"]
-    assert told["std"] < 0.1 * size
+    reported = found["parameters"]["coefficient_rad_s3"]
+    assert abs(reported["value"] - size) < 4.0 * reported["std"]
+    assert reported["std"] < 0.1 * size
     done = command(site, "replay", "seal.csv", "--model", "report/augmented-model.yaml", "--json")
     assert done.returncode == 0, done.stderr
 

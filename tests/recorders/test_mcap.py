@@ -62,9 +62,9 @@ def test_after_a_kill_every_tick_but_the_last_can_be_read(tmp_path: Path) -> Non
             (path,) = bench.runs.glob("*.mcap")
             found = messages(path)
             ticks = sent() - 1  # the first was zero, before the loop
-            asked = sum(frame.id == CYCLE for _, frame in bench.recorder.requests)
+            wanted = sum(frame.id == CYCLE for _, frame in bench.recorder.requests)
             assert ticks - 1 <= len(found[SAMPLE])  # a tick without a reply commands nothing
-            assert sum(row["speed_rad_s"] is not None for row in found[SAMPLE]) <= asked
+            assert sum(row["speed_rad_s"] is not None for row in found[SAMPLE]) <= wanted
             assert len(found[ESTIMATE]) == len(found[SAMPLE])
             assert [row["time_s"] for row in found[SAMPLE]] == [row["time_s"] for row in found[ESTIMATE]]
             assert found[EVENT][-1]["event"]["state"] == "TRACKING"

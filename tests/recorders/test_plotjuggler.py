@@ -53,8 +53,10 @@ def test_a_capture_is_read_as_the_log_that_it_was_sent_beside(tmp_path: Path, wi
     path = tmp_path / "capture.jsonl"
     held = {"current_command_A": 0.2, "command_delay_s": 0.012}
     samples = [{"time_s": 0.1 * i, "speed_rad_s": 5.0 + i, "segment": i // 20, **held} for i in range(40)]
-    told = [{"sample": sample, "estimate": {"time_s": 0.0, "speed_rad_s": -1.0}} for sample in samples]
-    path.write_text("".join(json.dumps({"timestamp": 1.8e9, within: one} if within else one) + "\n" for one in told))
+    reported = [{"sample": sample, "estimate": {"time_s": 0.0, "speed_rad_s": -1.0}} for sample in samples]
+    path.write_text(
+        "".join(json.dumps({"timestamp": 1.8e9, within: one} if within else one) + "\n" for one in reported)
+    )
     log = rw_ekf.read(path)
     assert log.speed_rad_s.tolist() == [sample["speed_rad_s"] for sample in samples]
     assert log.command_delay_s.tolist() == [0.012] * 40

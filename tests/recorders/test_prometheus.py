@@ -132,7 +132,7 @@ def test_a_place_that_is_taken_is_bad_input(tmp_path: Path) -> None:
         recorder(tmp_path, "prometheus", "127.0.0.1:99999")
 
 
-def asked_for(name: str) -> set[str]:
+def wanted_for(name: str) -> set[str]:
     """Names of metrics in the expressions of a shipped file."""
     text = (config_directory() / name).read_text()
     if name.endswith(".json"):
@@ -157,4 +157,4 @@ def test_every_metric_of_a_shipped_file_is_served(served: tuple[Any, Any, int], 
     tick = replace(tick, link=LinkState.ANSWERED, estimate=replace(tick.estimate, valid=flags), compensation=now)
     sink.write(tick)
     served_names = {key.partition("{")[0] for key in parsed(fetched(port))}
-    assert asked_for(name) - served_names == set()
+    assert wanted_for(name) - served_names == set()

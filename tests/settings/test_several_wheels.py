@@ -60,7 +60,7 @@ def test_a_verb_for_one_wheel_asks_which(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "stated"),
     [
         ("address: 0x31", "adress: 0x31", "bus.yaml:3:18: unknown key wheels.0.adress; did you mean 'address'?"),
         ("address: 0x31", "port: /dev/x", "bus.yaml:3:18: wheels.0.port: all wheels are on one line: give it in"),
@@ -77,23 +77,23 @@ def test_a_verb_for_one_wheel_asks_which(tmp_path: Path) -> None:
         ("loop:", "output: {mqtt: 'mqtt://h:1/t'}\nloop:", "bus.yaml:10:16: output.mqtt 'mqtt://h:1/t' is that of"),
     ],
 )  # fmt: skip
-def test_every_mistake_has_its_place(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_every_mistake_has_its_place(tmp_path: Path, old: str, new: str, stated: str) -> None:
     """In the entry where it stands there, else in the section; told once though it is every wheel's."""
-    told = findings(tmp_path, GOOD.replace(old, new, 1))
-    assert len(told) == 1, told
-    assert said in told[0]
+    reported = findings(tmp_path, GOOD.replace(old, new, 1))
+    assert len(reported) == 1, reported
+    assert stated in reported[0]
 
 
 @pytest.mark.parametrize("wheels", ["wheels: []", "wheels: 3", "wheels:"])
 def test_a_list_without_wheels_is_told(tmp_path: Path, wheels: str) -> None:
     """Empty, a number, nothing."""
-    told = findings(tmp_path, f"wheel: {{port: p}}\nlimits: {{current_A: 1}}\n{wheels}\n")
-    assert len(told) == 1
-    assert "wheels must be a list of wheels, each with a name" in told[0]
+    reported = findings(tmp_path, f"wheel: {{port: p}}\nlimits: {{current_A: 1}}\n{wheels}\n")
+    assert len(reported) == 1
+    assert "wheels must be a list of wheels, each with a name" in reported[0]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "stated"),
     [
         ("address: 0x32", "address: 0x31", ":5:14: wheel.address 49 of rw-y is that of rw-x too"),
         ("address: 0x32", "address: 0x11", ":5:14: wheel.address is 17, which is this program's own"),
@@ -113,17 +113,17 @@ def test_a_list_without_wheels_is_told(tmp_path: Path, wheels: str) -> None:
     ],
 )
 def test_check_config_says_why_wheels_cannot_share_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, stated: str
 ) -> None:
     """Two of one address, the program's own, a family without addresses, a map without one: each with its place."""
     path = tmp_path / "bus.yaml"
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
     assert main(["check-config", str(path)]) == 2
-    assert said in capsys.readouterr().err
+    assert stated in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "stated"),
     [
         ("{address: 1, ", "{", ":11:14: registers.0.request has a place {address:d}: give framing.address"),
         ("#{address:02d} T?", "T?", ":11:14: registers.0.request has no {address:d}, and framing.address is given"),
@@ -133,7 +133,7 @@ def test_check_config_says_why_wheels_cannot_share_a_line(
     ],
 )
 def test_a_map_of_lines_that_bear_an_address_says_what_is_wrong(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, stated: str
 ) -> None:
     """A place and no address, an address and no place, a place of any digits, and a field of that name."""
     good = Path(__file__).parents[1].joinpath("live", "addressed-lines.yaml").read_text(encoding="utf-8")
@@ -142,7 +142,7 @@ def test_a_map_of_lines_that_bear_an_address_says_what_is_wrong(
     path = tmp_path / "wheel.yaml"
     path.write_text("wheel: {port: nowhere, protocol: ./map.yaml}\nlimits: {current_A: 0.3}\n", encoding="utf-8")
     assert main(["check-config", str(path)]) == 2
-    assert said in capsys.readouterr().err
+    assert stated in capsys.readouterr().err
 
 
 def test_an_address_of_one_wheel_that_is_this_program_s_to_another_is_told(
@@ -177,8 +177,8 @@ def test_one_place_in_two_ways_of_writing_is_found(
     text = GOOD.replace("{name: rw-x,", f"{{name: rw-x, output: {{{key}: '{places[0]}'}},")
     text = text.replace("    inertia_kg_m2: 3.0e-3", f"    output: {{{key}: '{places[1]}'}}")
     if is_one:
-        (told,) = findings(tmp_path, text)
-        assert f"output.{key} '{places[1]}' is that of rw-x and of rw-y" in told
+        (reported,) = findings(tmp_path, text)
+        assert f"output.{key} '{places[1]}' is that of rw-x and of rw-y" in reported
     else:
         path = tmp_path / "bus.yaml"
         path.write_text(text, encoding="utf-8")
@@ -250,16 +250,16 @@ def test_a_line_keeps_safe_where_a_service_starts_it_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: list[str]
 ) -> None:
     """The option of the unit that `install-service` writes reaches the run of several wheels, as of one."""
-    path, asked = tmp_path / "bus.yaml", []
+    path, wanted = tmp_path / "bus.yaml", []
 
     def run_bus(*_: object, keep_safe: bool = False) -> int:
-        asked.append(keep_safe)
+        wanted.append(keep_safe)
         return 0
 
     path.write_text(GOOD, encoding="utf-8")
     monkeypatch.setattr("rw_ekf.commands.run_bus.run_bus", run_bus)
     assert main(["run", "--config", str(path), *given]) == 0
-    assert asked == [bool(given)]
+    assert wanted == [bool(given)]
 
 
 def test_resume_on_a_line_takes_a_name_and_begins_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

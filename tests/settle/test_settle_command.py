@@ -61,7 +61,7 @@ def test_what_is_no_open_diagnosis_is_refused_in_words(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     """Status 2, the file and what to do, nothing on standard output, no traceback."""
-    content, said = BAD[name]
+    content, stated = BAD[name]
     path = tmp_path / "diagnosis.json"
     path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
     config = str(write_config(tmp_path, str(tmp_path / "nowhere")))
@@ -70,7 +70,7 @@ def test_what_is_no_open_diagnosis_is_refused_in_words(
     assert out == ""
     assert "Traceback" not in errors
     assert str(path) in errors
-    assert said in errors
+    assert stated in errors
 
 
 def test_usage_that_makes_no_sense_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,7 +82,7 @@ def test_usage_that_makes_no_sense_is_refused(tmp_path: Path, capsys: pytest.Cap
     slow = tmp_path / "slow"
     slow.mkdir()
     slow_config = str(write_config(slow, "nowhere", loop={"rate_hz": 1.0}, limits={"silence_s": 3.0}))
-    for arguments, said in (
+    for arguments, stated in (
         (["--config", config], "name either"),
         (["S2", "--settle", path, "--config", config], "name either"),
         (["S2", "--dry-run", "--config", config], "--dry-run"),
@@ -94,7 +94,7 @@ def test_usage_that_makes_no_sense_is_refused(tmp_path: Path, capsys: pytest.Cap
         assert main(["excite", *arguments]) == 2, arguments
         out, errors = capsys.readouterr()
         assert out == ""
-        assert said in errors
+        assert stated in errors
         assert "Traceback" not in errors
 
 
@@ -136,9 +136,9 @@ def test_what_no_motion_tells_apart_is_not_called_settled(tmp_path: Path, capsys
     assert [item["expected_posterior"] for item in document["explanations"]] == [0.5, 0.5]
     assert document["expected_probability"] == 0.5
     assert main(["excite", "--settle", path, "--config", config, "--dry-run"]) == 1
-    said = capsys.readouterr().out
-    assert "motion, from rest" not in said
-    assert said.count("not settled") == 2
+    stated = capsys.readouterr().out
+    assert "motion, from rest" not in stated
+    assert stated.count("not settled") == 2
 
 
 def test_the_command_at_the_end_names_logs_as_this_folder_sees_them(

@@ -60,6 +60,6 @@ def test_the_end_of_a_long_run_says_which_stretch_was_judged_and_opens_no_log(
             return true(path, *args, **options)
 
         monkeypatch.setattr(module, name, watched)
-    said = warnings_of(ran.outcome)
-    assert any("(Judged over the last 60 min of the run.)" in text for text in said), said
+    stated = warnings_of(ran.outcome)
+    assert any("(Judged over the last 60 min of the run.)" in text for text in stated), stated
     assert not [path for path in opened if "runs" in path]

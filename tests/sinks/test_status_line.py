@@ -114,9 +114,9 @@ def test_a_pipe_is_told_how_far_the_work_is(
     with console.progress("work", 4, " runs") as bar:
         bar.update(3)
         time.sleep(0.2)
-    said = capsys.readouterr().err.splitlines()
-    assert 1 <= len(said) <= 4  # after 0.01, 0.03, 0.07 and 0.15 s
-    assert set(said) == {"rw-ekf: work: 3 of 4 runs, 0 s"}
+    stated = capsys.readouterr().err.splitlines()
+    assert 1 <= len(stated) <= 4  # after 0.01, 0.03, 0.07 and 0.15 s
+    assert set(stated) == {"rw-ekf: work: 3 of 4 runs, 0 s"}
     monkeypatch.setattr(console, "_LINE_S", 60.0)
     with console.progress("work", 4, " runs") as bar:
         bar.update(4)
@@ -140,12 +140,12 @@ def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
     shown(line, 7.0)
     shown(line, 7.1)
     assert notes.events == ["running", "running"]
-    told = notes.said[-1][1]
-    assert told["elapsed_s"] == 0.1
-    assert told["of_s"] == 30.0
-    assert told["current_mA"] == -140.0
-    assert told["motor_gain"] == "15.20(2) rad/s^2/A"
-    assert (told["phase"], told["state"], told["alarms"]) == ("creep", "tracking", 0)
+    reported = notes.stated[-1][1]
+    assert reported["elapsed_s"] == 0.1
+    assert reported["of_s"] == 30.0
+    assert reported["current_mA"] == -140.0
+    assert reported["motor_gain"] == "15.20(2) rad/s^2/A"
+    assert (reported["phase"], reported["state"], reported["alarms"]) == ("creep", "tracking", 0)
     silent = Notes()
     shown(StatusLine(silent, VirtualClock(), lambda: None), 7.0)
     assert silent.events == []
@@ -153,15 +153,15 @@ def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
 
 def test_the_first_line_into_a_pipe_comes_soon() -> None:
     """Within ten seconds a run without a terminal says how it stands, and then once a minute, without readings too."""
-    notes, clock, said_s = Notes(), VirtualClock(), []
+    notes, clock, stated_s = Notes(), VirtualClock(), []
     line = StatusLine(notes, clock, lambda: None)
     while clock.monotonic() < 200.0:
         before = len(notes.events)
         shown(line, 7.0)
         if len(notes.events) > before:
-            said_s.append(round(clock.monotonic()))
+            stated_s.append(round(clock.monotonic()))
         clock.sleep(0.1)
-    assert said_s == [8, 68, 128, 188]
+    assert stated_s == [8, 68, 128, 188]
 
 
 def test_a_wheel_whose_clock_leaps_has_not_run_longer() -> None:
@@ -170,7 +170,7 @@ def test_a_wheel_whose_clock_leaps_has_not_run_longer() -> None:
     line = StatusLine(notes, VirtualClock(), lambda: None, log_every_s=0.0)
     for time_s in (10.0, 10.5, 3610.5, 3611.0, 11.0, 11.5):
         shown(line, time_s)
-    assert notes.said[-1][1]["elapsed_s"] == 1.5
+    assert notes.stated[-1][1]["elapsed_s"] == 1.5
 
 
 @given(st.lists(st.text(st.characters(codec="ascii", exclude_characters="\n\r"), max_size=30)), st.integers(1, 150))
@@ -210,6 +210,6 @@ def test_the_phases_of_a_profile() -> None:
 def test_numbers_of_log_lines_have_six_digits(capsys: pytest.CaptureFixture[str]) -> None:
     """Currents are not shown with seventeen digits; times keep a tenth of a second."""
     console.logger("json").warning("slewed", current_A=0.30000000000000004, since_s=1234567.891, n=3)
-    told = capsys.readouterr().err
-    assert '"current_A": 0.3,' in told
-    assert '"since_s": 1234567.9,' in told
+    reported = capsys.readouterr().err
+    assert '"current_A": 0.3,' in reported
+    assert '"since_s": 1234567.9,' in reported

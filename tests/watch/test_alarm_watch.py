@@ -21,7 +21,7 @@ from tools.measure.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, s
 NOON = datetime(2024, 5, 17, 12, 0, tzinfo=UTC)
 
 
-class Told(WheelWatch):
+class Reported(WheelWatch):
     """A watch that says what it is told to."""
 
     def __init__(self, *news: Alarm | Exception | None) -> None:
@@ -55,7 +55,7 @@ def fed(*news: Alarm | Exception) -> tuple[AlarmWatch, Notes, tuple[ActiveAlarm,
     """The watch, what it logged, and the alarms that are on at the end."""
     notes = Notes()
     active: tuple[ActiveAlarm, ...] = ()
-    watch = AlarmWatch(Told(*news), notes, VirtualClock(NOON))
+    watch = AlarmWatch(Reported(*news), notes, VirtualClock(NOON))
     for _ in news:
         active = watch.step(tick_of(WheelSample(100.0, 1.0))).on
     return watch, notes, active
@@ -64,7 +64,7 @@ def fed(*news: Alarm | Exception) -> tuple[AlarmWatch, Notes, tuple[ActiveAlarm,
 def test_times_of_the_log_become_hours_of_the_day() -> None:
     """An onset 5 s before a sample that comes at noon was at 11:59:55; nothing undefined is logged."""
     _, notes, _ = fed(spike())
-    (event, fields) = notes.said[0]
+    (event, fields) = notes.stated[0]
     assert event == "drag_spike"
     assert fields["since_utc"].startswith("2024-05-17T11:59:55")
     assert fields["since_s"] == 95.0
@@ -76,19 +76,19 @@ def test_times_of_the_log_become_hours_of_the_day() -> None:
 def test_a_wheel_six_times_as_fast_was_disturbed_after_the_run_began() -> None:
     """A simulated wheel's clock may run faster than the day's: 60 s of it ago are 10 s of ours."""
     notes, clock = Notes(), VirtualClock(NOON)
-    watch = AlarmWatch(Told(None, replace(residual(), since_s=540.0)), notes, clock)
+    watch = AlarmWatch(Reported(None, replace(residual(), since_s=540.0)), notes, clock)
     for time_s in (0.0, 600.0):
         watch.step(tick_of(WheelSample(time_s, 1.0)))
         clock.sleep(100.0)
-    assert notes.said[0][1]["since_utc"] == "2024-05-17T12:01:30Z"
+    assert notes.stated[0][1]["since_utc"] == "2024-05-17T12:01:30Z"
 
 
 def test_the_issue_s_sentence() -> None:
     """The alarm reads as it was asked for."""
     watch, notes, _ = fed(residual())
-    assert "residual is not noise since 2024-05-17T11:59:20" in notes.said[0][1]["text"]
-    assert notes.said[0][1]["text"].endswith("largest dependence: temperature")
-    assert watch.warnings == [notes.said[0][1]["text"]]
+    assert "residual is not noise since 2024-05-17T11:59:20" in notes.stated[0][1]["text"]
+    assert notes.stated[0][1]["text"].endswith("largest dependence: temperature")
+    assert watch.warnings == [notes.stated[0][1]["text"]]
 
 
 def test_active_alarms_are_published_until_they_end() -> None:
@@ -101,15 +101,15 @@ def test_active_alarms_are_published_until_they_end() -> None:
     watch, notes, active = fed(spike(), spike(ended_s=98.0))
     assert active == ()
     assert notes.events == ["drag_spike", "drag_spike_over"]
-    assert notes.said[1][1]["ended_utc"].startswith("2024-05-17T11:59:58")
-    assert notes.said[1][1]["since_utc"] == notes.said[0][1]["since_utc"]
+    assert notes.stated[1][1]["ended_utc"].startswith("2024-05-17T11:59:58")
+    assert notes.stated[1][1]["since_utc"] == notes.stated[0][1]["since_utc"]
     assert len(watch.warnings) == 2
 
 
 def test_what_ended_is_told_once_with_all_that_was_found() -> None:
     """The turn in which a spike ends has its decay, reason and end; in a train the next one is on in the same turn."""
 
-    class Train(Told):
+    class Train(Reported):
         def step(self, tick: Tick) -> list[Alarm]:
             return [spike(ended_s=98.0), replace(spike(), since_s=98.0)] if self._news.pop(0) is None else [spike()]
 
@@ -145,14 +145,14 @@ def test_a_restarted_clock_raises_nothing(segment_s: float) -> None:
     constants, done = filtered(run)
     watch = watch_of(constants)
     assert constants.stribeck.omega_s == OMEGA_S
-    said = []
+    stated = []
     for tick in stream(run, constants, done):
         sample = tick.sample
         if sample.time_s >= segment_s:
             late = WheelSample(
                 sample.time_s - segment_s, sample.speed_rad_s, temperature_degC=sample.temperature_degC, segment=1
             )
-            said += watch.step(replace(tick, sample=late))
+            stated += watch.step(replace(tick, sample=late))
         else:
-            said += watch.step(tick)
-    assert said == []
+            stated += watch.step(tick)
+    assert stated == []

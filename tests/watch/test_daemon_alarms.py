@@ -53,7 +53,7 @@ def test_a_spike_in_a_run_is_logged_published_and_reported(tmp_path: Path) -> No
     assert published_alarms[0] == []
     (entry,) = published_alarms[1]
     assert entry["name"] == "drag_spike"
-    alarms = [(event, fields) for event, fields in ran.notes.said if event.startswith("drag_spike")]
+    alarms = [(event, fields) for event, fields in ran.notes.stated if event.startswith("drag_spike")]
     assert [event for event, _ in alarms] == ["drag_spike", "drag_spike_over"]
     first, last = alarms[0][1], alarms[1][1]
     began_s = ran.log.time_s[0]

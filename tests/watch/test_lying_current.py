@@ -17,12 +17,12 @@ from rw_ekf.watch.stuck_watch import ParameterBelief
 LIMIT_A = 0.3
 
 
-def event_of(told, measured, turns: int = 120) -> str | None:  # type: ignore[no-untyped-def]
+def event_of(reported, measured, turns: int = 120) -> str | None:  # type: ignore[no-untyped-def]
     """The event after a sine of commands, each read back and measured as the two functions say."""
     watch = CurrentWatch(LIMIT_A)
     command = 0.0
     for i in range(turns):
-        watch.add(WheelSample(0.1 * i, 10.0, current_A=measured(command, i), current_command_A=told(command, i)))
+        watch.add(WheelSample(0.1 * i, 10.0, current_A=measured(command, i), current_command_A=reported(command, i)))
         command = 0.2 * math.sin(0.02 * i)
         watch.commanded(IssuedCommand(command))
     return None if watch.fault is None else watch.fault[0]

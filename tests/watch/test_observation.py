@@ -88,10 +88,10 @@ def test_gaps_segments_and_reseeding_begin_anew() -> None:
     seeded = replace(second, estimate=estimate(0.1, Outcome.RESEEDED, None))
     assert [e.restart for e in read_all(ordinary(0), seeded) if e is not None] == [True, True]
     missing = Tick(replace(second.sample, speed_rad_s=None), estimate(0.1, Outcome.MISSING, None), second.command)
-    _, told = read_all(ordinary(0), missing)
-    assert told is not None
-    assert not told.restart
-    assert math.isnan(told.innovation_rad_s)
+    _, reported = read_all(ordinary(0), missing)
+    assert reported is not None
+    assert not reported.restart
+    assert math.isnan(reported.innovation_rad_s)
 
 
 def test_time_that_does_not_move_on_is_no_observation() -> None:

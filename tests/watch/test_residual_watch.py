@@ -40,10 +40,10 @@ def named(effect: str, profile: str, seed: int, from_s: float, hours: float = 0.
 def test_what_sets_in_is_named(effect: str, profile: str, name: str, within_s: float) -> None:
     """An effect that sets in after 15 min raises the alarm in time, and the last name given within 20 min is right."""
     for seed in range(3):
-        said = named(effect, profile, seed, CHANGE_S)
-        assert said, (effect, seed)
-        assert CHANGE_S < said[0][0] < CHANGE_S + within_s
-        assert said[-1][1] == name, (seed, said)
+        stated = named(effect, profile, seed, CHANGE_S)
+        assert stated, (effect, seed)
+        assert CHANGE_S < stated[0][0] < CHANGE_S + within_s
+        assert stated[-1][1] == name, (seed, stated)
 
 
 @pytest.mark.parametrize(
@@ -57,9 +57,9 @@ def test_what_sets_in_is_named(effect: str, profile: str, name: str, within_s: f
 def test_what_the_wheel_always_had_is_named_too(effect: str, name: str) -> None:
     """An effect from the first sample on, which the estimator has partly absorbed, is still seen and named."""
     for seed in range(2):
-        said = named(effect, "identification", seed, 0.0)
-        assert said, seed
-        assert said[-1][1] == name, (seed, said)
+        stated = named(effect, "identification", seed, 0.0)
+        assert stated, seed
+        assert stated[-1][1] == name, (seed, stated)
 
 
 def test_the_alarm_says_since_when() -> None:
@@ -82,21 +82,21 @@ def test_the_alarm_ends_when_the_cause_is_gone() -> None:
     # The wheel reverses under this command, so that its speed soon forgets what was: join the two runs.
     for name in ("measured_speed_rad_s", "speed_rad_s"):
         getattr(with_torque, name)[cut:] = getattr(after, name)[cut:]
-    said = residual(heard(with_torque))
-    assert said
-    assert said[0].alarm.ended_s is None
-    assert said[-1].alarm.event == "residual_noise_again"
-    assert said[-1].time_s > CHANGE_S + 200.0
+    stated = residual(heard(with_torque))
+    assert stated
+    assert stated[0].alarm.ended_s is None
+    assert stated[-1].alarm.event == "residual_noise_again"
+    assert stated[-1].time_s > CHANGE_S + 200.0
 
 
 def test_a_noise_that_is_not_the_configured_one_is_called_that() -> None:
     """Twice the configured noise is not structure: the alarm names the noise level, not a dependence."""
     time_s, current_A = commands("P2", 0.3, 1)
     run = simulated(drawn_wheel(11, 0.3), time_s, current_A, 1, noise_rpm=1.5)
-    said = residual(heard(run, 1.0))
-    assert said
-    assert {str(h.alarm.details["largest_dependence"]) for h in said} == {NOISE_LEVEL}
-    ratio = said[-1].alarm.details["noise_ratio"]
+    stated = residual(heard(run, 1.0))
+    assert stated
+    assert {str(h.alarm.details["largest_dependence"]) for h in stated} == {NOISE_LEVEL}
+    ratio = stated[-1].alarm.details["noise_ratio"]
     assert isinstance(ratio, float)
     assert 1.3 < ratio < 1.6
 

@@ -53,19 +53,19 @@ def test_a_spike_is_reported_within_five_seconds_with_its_amplitude(profile: str
 def test_its_end_is_reported(profile: str, size_mNm: float) -> None:
     """A spike that decays in 60 s is over when a tenth is left (2.3 decay times), once, and nothing follows."""
     for seed in range(3):
-        said = spikes(spiked(profile, seed, size_mNm, 60.0, hours=0.25))
-        assert [h.alarm.ended_s is None for h in said] == [True, False], (seed, said)
-        assert said[1].alarm.details["end"] == FADED
-        assert 1.7 * 60.0 < said[1].time_s - ONSET_S < 4.5 * 60.0
-        decay_s = said[1].alarm.details["decay_s"]
+        stated = spikes(spiked(profile, seed, size_mNm, 60.0, hours=0.25))
+        assert [h.alarm.ended_s is None for h in stated] == [True, False], (seed, stated)
+        assert stated[1].alarm.details["end"] == FADED
+        assert 1.7 * 60.0 < stated[1].time_s - ONSET_S < 4.5 * 60.0
+        decay_s = stated[1].alarm.details["decay_s"]
         if size_mNm < 1.0 or profile == "steady":
             assert decay_s is None or 30.0 < float(decay_s) < 240.0
 
 
 def test_a_slow_spike_lasts_as_long_as_it_does() -> None:
     """1 mNm decaying in 20 min, as Cassini's slow ones: on for the 40 min of the record's rest, reported once."""
-    said = spikes(spiked("biased", 4, 1.0, 1200.0, hours=0.7))
-    assert [h.alarm.ended_s is None for h in said] == [True]
+    stated = spikes(spiked("biased", 4, 1.0, 1200.0, hours=0.7))
+    assert [h.alarm.ended_s is None for h in stated] == [True]
 
 
 def test_the_next_spike_of_a_train_is_news() -> None:
@@ -84,10 +84,10 @@ def test_the_next_spike_of_a_train_is_news() -> None:
     # The speeds join within the noise: put the second on top of the first's last true speed.
     shift = plain.speed_rad_s[cut] - later.speed_rad_s[cut]
     plain.measured_speed_rad_s[cut:] = later.measured_speed_rad_s[cut:] + shift
-    said = spikes(plain)
-    assert [h.alarm.ended_s is None for h in said[:3]] == [True, False, True]
-    assert said[1].alarm.details["end"] == "another one set in"
-    assert from_s < said[2].time_s < from_s + 5.0
+    stated = spikes(plain)
+    assert [h.alarm.ended_s is None for h in stated[:3]] == [True, False, True]
+    assert stated[1].alarm.details["end"] == "another one set in"
+    assert from_s < stated[2].time_s < from_s + 5.0
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -127,17 +127,17 @@ def test_a_torque_that_sets_in_is_not_followed_as_drag() -> None:
     time_s, current_A = commands("P2", 0.2, 2)
     effect = "offset_torque:torque_rad_s2=0.15"
     run = simulated(drawn_wheel(2, 0.3), time_s, current_A, 2, effect=effect, from_s=310.0)
-    said = spikes(run)
-    assert len([h for h in said if h.alarm.ended_s is None]) <= 3
-    assert all(h.alarm.details["end"] != FADED for h in said if h.alarm.ended_s is not None)
+    stated = spikes(run)
+    assert len([h for h in stated if h.alarm.ended_s is None]) <= 3
+    assert all(h.alarm.details["end"] != FADED for h in stated if h.alarm.ended_s is not None)
 
 
 def test_a_wheel_that_a_spike_stops_is_reported_with_a_bound() -> None:
     """7 mNm on a slow wheel stops it within a reading or two: the alarm says at least how much holds it."""
-    said = spikes(spiked("random-sines", 4, 7.0, 300.0, hours=0.12))
-    assert said
-    found = said[0].alarm
-    assert said[0].time_s < ONSET_S + 15.0
+    stated = spikes(spiked("random-sines", 4, 7.0, 300.0, hours=0.12))
+    assert stated
+    found = stated[0].alarm
+    assert stated[0].time_s < ONSET_S + 15.0
     amplitude = found.details["amplitude_mNm"]
     assert isinstance(amplitude, float)
     assert amplitude < 1.5 * 7.0

@@ -68,17 +68,17 @@ def news(
     """What is said over a run, with its times; the wheel coasts while it is stuck."""
     believed = belief if belief is not None else wheel.belief
     noise = np.random.default_rng(7).normal(0.0, max(noise_rpm, 1e-12), round(duration_s / PERIOD_S) + 1)
-    said, flows, reading = [], 0.0, 0.0
+    stated, flows, reading = [], 0.0, 0.0
     for i in range(round(duration_s / PERIOD_S)):
         t = PERIOD_S * i
         if i % refresh == 0 and not frozen(t):
             reading = round((speed / RAD_S_PER_RPM + noise[i]) / step_rpm) * step_rpm * RAD_S_PER_RPM
         judged = judge.add(t, reading, flows, lambda: believed)
         if judged.news is not None:
-            said.append((t, judged.news))
+            stated.append((t, judged.news))
         flows = 0.0 if judged.stuck else current(t)
         speed = wheel.after(speed, flows, PERIOD_S)
-    return said
+    return stated
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_a_healthy_wheel_under_a_wide_prior_is_no_alarm(share: float, period_s: 
     """k 30 % off the default prior and nothing learnt, readings with and without noise, through reversals: nothing."""
     wheel = Wheel(k=15.2 * share, c=0.586 * (2.0 - share), s=0.65 * (2.0 - share))
     for noise_rpm in (0.0, 1.0):
-        said = news(
+        stated = news(
             watch(),
             wheel,
             lambda t: 0.1 * math.sin(2.0 * math.pi * t / period_s),
@@ -127,14 +127,14 @@ def test_a_healthy_wheel_under_a_wide_prior_is_no_alarm(share: float, period_s: 
             belief=PRIOR,
             noise_rpm=noise_rpm,
         )
-        assert said == []
+        assert stated == []
 
 
 @pytest.mark.parametrize(("refresh", "period_s"), [(3, 20.0), (5, 60.0)])
 def test_telemetry_refreshed_more_slowly_than_it_is_read_is_not_stuck(refresh: int, period_s: float) -> None:
     """Each reading is sent three or five times, up to the silence: repeats teach nothing, and nothing is said."""
-    said = news(watch(), Wheel(), lambda t: 0.3 * math.sin(2.0 * math.pi * t / period_s), 120.0, refresh=refresh)
-    assert said == []
+    stated = news(watch(), Wheel(), lambda t: 0.3 * math.sin(2.0 * math.pi * t / period_s), 120.0, refresh=refresh)
+    assert stated == []
 
 
 @pytest.mark.parametrize("current_A", [0.15, 0.3, 0.6, -0.4])
@@ -147,7 +147,7 @@ def test_a_reading_that_freezes_under_current_is_found(current_A: float, speed_r
         1, current_A
     )
     assert abs(steady) > 0.3  # else it is near its own steady speed, and would not move
-    said = news(
+    stated = news(
         watch(),
         wheel,
         lambda t: current_A,
@@ -156,23 +156,23 @@ def test_a_reading_that_freezes_under_current_is_found(current_A: float, speed_r
         noise_rpm=noise_rpm,
         frozen=lambda t: t > 2.0,
     )
-    ((at_s, what),) = said
+    ((at_s, what),) = stated
     assert what == "stuck"
     assert 2.0 + SILENCE_S - 2.0 * PERIOD_S <= at_s <= 4.0
 
 
 def test_a_coasting_wheel_whose_reading_freezes_is_found() -> None:
     """Without any current friction alone must slow it down."""
-    said = news(watch(), Wheel(), lambda t: 0.0, 8.0, speed=100.0, frozen=lambda t: t > 2.0)
-    assert [what for _, what in said] == ["stuck"]
+    stated = news(watch(), Wheel(), lambda t: 0.0, 8.0, speed=100.0, frozen=lambda t: t > 2.0)
+    assert [what for _, what in stated] == ["stuck"]
 
 
 @pytest.mark.parametrize("share", [0.7, 1.0, 1.3])
 def test_a_reading_frozen_from_the_start_is_found_under_the_default_prior(share: float) -> None:
     """Nothing was ever learnt, k is within 30 %: a wheel that reads zero under 0.3 A is not believed for long."""
-    said = news(watch(), Wheel(k=15.2 * share), lambda t: 0.3, 5.0, belief=PRIOR, frozen=lambda t: True)
-    assert [what for _, what in said] == ["stuck"]
-    assert said[0][0] < 2.0
+    stated = news(watch(), Wheel(k=15.2 * share), lambda t: 0.3, 5.0, belief=PRIOR, frozen=lambda t: True)
+    assert [what for _, what in stated] == ["stuck"]
+    assert stated[0][0] < 2.0
 
 
 @pytest.mark.parametrize("after_s", [0.3, 1.0, 1.9, 2.8])
@@ -181,7 +181,7 @@ def test_a_reading_frozen_in_the_first_second_of_a_sine_is_found_under_the_defau
     after_s: float, share: float
 ) -> None:
     """A current that changes its sign before it proves anything by itself: what all of it says together is enough."""
-    said = news(
+    stated = news(
         watch(),
         Wheel(k=15.2 * share),
         lambda t: 0.05 + 0.085 * math.sin(0.5 * math.pi * t),
@@ -191,8 +191,8 @@ def test_a_reading_frozen_in_the_first_second_of_a_sine_is_found_under_the_defau
         belief=PRIOR,
         frozen=lambda t: t > after_s,
     )
-    assert [what for _, what in said] == ["stuck"]
-    assert said[0][0] < after_s + 8.0  # two periods
+    assert [what for _, what in stated] == ["stuck"]
+    assert stated[0][0] < after_s + 8.0  # two periods
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -203,7 +203,7 @@ def test_coarse_readings_of_a_wheel_far_from_the_prior_are_no_alarm(seed: int) -
     wheel = Wheel(15.2 * rng.uniform(0.4, 1.6), 0.0032 * rng.uniform(0.2, 3.0), c, c * rng.uniform(1.0, 1.3))
     amplitude, period_s = 10.0 ** rng.uniform(-2.3, -0.5), 10.0 ** rng.uniform(0.3, 2.3)
     bias, step_rpm = rng.uniform(-0.5, 1.5) * c / wheel.k, float(rng.choice([0.5, 2.0, 5.0, 10.0]))
-    said = news(
+    stated = news(
         watch(step_rpm),
         wheel,
         lambda t: bias + amplitude * math.sin(2.0 * math.pi * t / period_s),
@@ -212,7 +212,7 @@ def test_coarse_readings_of_a_wheel_far_from_the_prior_are_no_alarm(seed: int) -
         step_rpm=step_rpm,
         belief=PRIOR,
     )
-    assert said == []
+    assert stated == []
 
 
 def test_the_distance_to_a_wheel_that_stands_is_the_least_cost_of_one() -> None:
@@ -234,16 +234,16 @@ def test_the_distance_to_a_wheel_that_stands_is_the_least_cost_of_one() -> None:
 def test_a_reading_that_moves_again_is_believed_only_after_it_moved_as_the_wheel_does() -> None:
     """Frozen for three seconds: alive again no sooner than twice the silence after it moved, and then not stuck."""
     sine = lambda t: 0.1 * math.sin(t)  # noqa: E731
-    said = news(watch(), Wheel(), sine, 20.0, speed=30.0, noise_rpm=1.0, frozen=lambda t: 3.0 < t < 6.0)
-    assert [what for _, what in said] == ["stuck", "alive"]
-    assert said[1][0] >= 6.0 + 2.0 * SILENCE_S - PERIOD_S
+    stated = news(watch(), Wheel(), sine, 20.0, speed=30.0, noise_rpm=1.0, frozen=lambda t: 3.0 < t < 6.0)
+    assert [what for _, what in stated] == ["stuck", "alive"]
+    assert stated[1][0] >= 6.0 + 2.0 * SILENCE_S - PERIOD_S
 
 
 def test_readings_that_jump_about_after_they_were_stuck_are_not_believed() -> None:
     """What moves by hundreds of rpm from sample to sample is not a coasting wheel: stuck it stays."""
     wheel, judge = Wheel(), watch()
-    said = news(judge, wheel, lambda t: 0.3, 4.0, speed=30.0, frozen=lambda t: t > 1.0)
-    assert [what for _, what in said] == ["stuck"]
+    stated = news(judge, wheel, lambda t: 0.3, 4.0, speed=30.0, frozen=lambda t: t > 1.0)
+    assert [what for _, what in stated] == ["stuck"]
     for i in range(100):
         judged = judge.add(4.0 + PERIOD_S * i, 50.0 * (i % 2) + 1.0, 0.0, lambda: wheel.belief)
         assert judged == (False, True, None)
@@ -253,13 +253,13 @@ def test_a_torque_that_only_an_effect_of_the_model_explains_is_no_alarm() -> Non
     """A declared offset holds the wheel at a steady speed: without it the four parameters would call it stuck."""
     wheel, offset = Wheel(), 0.8
     current = (wheel.c + wheel.b * 100.0 + offset) / wheel.k
-    for told in (True, False):
+    for reported in (True, False):
         judge = watch()
         for i in range(600):
             judge.add(PERIOD_S * i, 100.0 + (1e-3 * i if i < 30 else 0.0), current, lambda: wheel.belief)
-            if told:
+            if reported:
                 judge.note_prediction(100.0, current, 100.0, PERIOD_S)
-        assert judge.stuck is not told
+        assert judge.stuck is not reported
 
 
 def test_a_belief_that_no_wheel_can_have_accuses_none() -> None:
@@ -284,15 +284,15 @@ def test_a_belief_that_earlier_runs_led_astray_proves_nothing() -> None:
     that it need not.
     """
     stds = np.array([0.128, 0.0023, 0.013, 0.05])
-    astray = ParameterBelief(FrictionParameters(14.46, -0.0106, 0.173, 1.437), np.diag(stds * stds))
+    misled = ParameterBelief(FrictionParameters(14.46, -0.0106, 0.173, 1.437), np.diag(stds * stds))
     readings = 15.0 + np.random.default_rng(3).normal(0.0, 1.0, 40)
-    said = {}
+    stated = {}
     for name, first in (("of earlier runs", None), ("of the configuration", PRIOR)):
         noise = 1.0 * RAD_S_PER_RPM
         judge = StuckWatch(0.5 * noise, noise, SILENCE_S, STRIBECK, GAUSS, within_rad_s=4.0 * noise, first=first)
         judged = [
-            judge.add(PERIOD_S * i, float(reading) * RAD_S_PER_RPM, 0.071, lambda: astray)
+            judge.add(PERIOD_S * i, float(reading) * RAD_S_PER_RPM, 0.071, lambda: misled)
             for i, reading in enumerate(readings)
         ]
-        said[name] = [one.news for one in judged if one.news]
-    assert said == {"of earlier runs": ["stuck"], "of the configuration": []}
+        stated[name] = [one.news for one in judged if one.news]
+    assert stated == {"of earlier runs": ["stuck"], "of the configuration": []}

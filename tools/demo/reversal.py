@@ -83,8 +83,8 @@ def _reversal(lot: Lot, scheme: str, model: Path, directory: Path, path: Path) -
 @contextlib.contextmanager
 def _daemon(config: Path, log: Path) -> Iterator[None]:
     """`rw-ekf run` for the length of a with block; what it says goes to `log`."""
-    with log.open("w", encoding="utf-8") as said:
-        process = subprocess.Popen([*COMMAND, "run", "--config", str(config)], stdout=said, stderr=said)
+    with log.open("w", encoding="utf-8") as stated:
+        process = subprocess.Popen([*COMMAND, "run", "--config", str(config)], stdout=stated, stderr=stated)
         try:
             yield
         finally:

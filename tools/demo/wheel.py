@@ -87,8 +87,8 @@ def simulated_wheel(lot: Lot, directory: Path) -> Iterator[dict[str, Any]]:
         text=True,
     )  # fmt: skip
     try:
-        said = _first_document(process)
-        yield {name: said[name] for name in ("link", "device")}
+        stated = _first_document(process)
+        yield {name: stated[name] for name in ("link", "device")}
     finally:
         process.send_signal(signal.SIGTERM)
         process.wait(timeout=10)

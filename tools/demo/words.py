@@ -118,8 +118,8 @@ def draw_so_far(path: Path, log: Path, truth: dict[str, float]) -> None:
         record = read_log(head)
     table = csv.read_csv(io.BytesIO(estimates.encode()))
     # Estimates stand in the rows where they are another than the one before foretold; in between they stay.
-    told = {name: fill_null_forward(table[name]) for name in table.column_names if "innovation" not in name}
-    columns = {name: told.get(name, table[name]).to_numpy() for name in table.column_names}
+    reported = {name: fill_null_forward(table[name]) for name in table.column_names if "innovation" not in name}
+    columns = {name: reported.get(name, table[name]).to_numpy() for name in table.column_names}
     save_picture(run_figure(record, columns, truth=truth, title="demo, the first run so far"), path)
 
 

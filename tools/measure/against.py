@@ -58,15 +58,15 @@ def _commands(place: Path) -> list[tuple[str, tuple[str, ...], int]]:
     runs.mkdir()
     for number in range(5):
         simulate("P1", seed=number, duration_s=600.0).save(runs / f"run-{number}.csv")
-    told = ("--config", "simulated")
+    reported = ("--config", "simulated")
     return [
         ("stop --help", ("stop", "--help"), 1),
         ("replay, 600 s", ("replay", str(healthy)), 1),
-        ("replay, 600 s, a configuration", ("replay", str(healthy), *told), 1),
-        ("replay, 5 logs of 600 s", ("replay", *map(str, sorted(runs.iterdir())), *told), 1),
+        ("replay, 600 s, a configuration", ("replay", str(healthy), *reported), 1),
+        ("replay, 5 logs of 600 s", ("replay", *map(str, sorted(runs.iterdir())), *reported), 1),
         (f"replay, {_LONG_ROWS} rows", ("replay", str(long)), _LONG_ROWS),
-        (f"replay, {_LONG_ROWS} rows, a configuration", ("replay", str(long), *told), _LONG_ROWS),
-        (f"the same, {_LONGER_ROWS} of Parquet", ("replay", str(longer), *told), _LONGER_ROWS),
+        (f"replay, {_LONG_ROWS} rows, a configuration", ("replay", str(long), *reported), _LONG_ROWS),
+        (f"the same, {_LONGER_ROWS} of Parquet", ("replay", str(longer), *reported), _LONGER_ROWS),
         ("fit, 600 s", ("fit", str(short)), 1),
         ("diagnose, 600 s, healthy", ("diagnose", str(healthy)), 1),
         ("diagnose, 600 s, with an effect", ("diagnose", str(short)), 1),

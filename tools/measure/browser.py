@@ -30,12 +30,12 @@ _BEYOND_4 = 10  # descriptors that 3 and 4 do not overwrite
 
 
 class Browser:
-    """One page in it. `said`: what the page wrote to its console, and errors that nobody caught."""
+    """One page in it. `stated`: what the page wrote to its console, and errors that nobody caught."""
 
     def __init__(self, profile: Path, width: int = 1440, height: int = 1200) -> None:
         """profile: an empty folder of its own."""
         assert CHROMIUM is not None
-        self.said: list[str] = []
+        self.stated: list[str] = []
         self._rest = b""
         self._number = 0
         hears, self._writer = os.pipe()
@@ -82,11 +82,11 @@ class Browser:
         if self._session is not None:
             message["sessionId"] = self._session
         os.write(self._writer, json.dumps(message).encode() + b"\0")
-        while (told := self._next()).get("id") != self._number:
-            self._hear(told)
-        if "error" in told:
-            raise RuntimeError(f"{method}: {told['error']}")
-        return dict(told["result"])
+        while (reported := self._next()).get("id") != self._number:
+            self._hear(reported)
+        if "error" in reported:
+            raise RuntimeError(f"{method}: {reported['error']}")
+        return dict(reported["result"])
 
     def open(self, address: str) -> None:
         """Go to an address; it may still be loading."""
@@ -94,10 +94,10 @@ class Browser:
 
     def value(self, expression: str) -> Any:
         """What an expression of JavaScript comes to on the page. Raises RuntimeError where it throws."""
-        told = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
-        if "exceptionDetails" in told:
-            raise RuntimeError(f"{expression}: {told['exceptionDetails']}")
-        return told["result"].get("value")
+        reported = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in reported:
+            raise RuntimeError(f"{expression}: {reported['exceptionDetails']}")
+        return reported["result"].get("value")
 
     def until(self, expression: str) -> Any:
         """The first value of an expression that is true. Raises TimeoutError."""
@@ -133,11 +133,11 @@ class Browser:
         text, self._rest = self._rest.split(b"\0", 1)
         return dict(json.loads(text))
 
-    def _hear(self, told: dict[str, Any]) -> None:
-        about = told.get("params", {})
-        if told.get("method") == "Runtime.consoleAPICalled":
-            self.said.append(str([one.get("value", one.get("description")) for one in about["args"]]))
-        elif told.get("method") == "Runtime.exceptionThrown":
-            self.said.append(str(about["exceptionDetails"]))
-        elif told.get("method") == "Log.entryAdded":
-            self.said.append(str(about["entry"]["text"]))
+    def _hear(self, reported: dict[str, Any]) -> None:
+        about = reported.get("params", {})
+        if reported.get("method") == "Runtime.consoleAPICalled":
+            self.stated.append(str([one.get("value", one.get("description")) for one in about["args"]]))
+        elif reported.get("method") == "Runtime.exceptionThrown":
+            self.stated.append(str(about["exceptionDetails"]))
+        elif reported.get("method") == "Log.entryAdded":
+            self.stated.append(str(about["entry"]["text"]))

@@ -107,7 +107,7 @@ class Draw:
 
 
 @dataclass
-class Told:
+class Reported:
     """What a draw came to."""
 
     draw: Draw
@@ -129,7 +129,7 @@ class Watched:
     largest_A: float = 0.0
     fastest_rad_s: float = 0.0
     last_A: float = 0.0
-    said: list[tuple[str, str]] = field(default_factory=list)
+    stated: list[tuple[str, str]] = field(default_factory=list)
 
 
 class Rig(NamedTuple):
@@ -150,7 +150,7 @@ class Person:
 
     def say(self, step: str, text: str) -> None:
         """Keep it; the limits are said once the move has been agreed to."""
-        self._watched.said.append((step, text))
+        self._watched.stated.append((step, text))
         self._watched.agreed = self._watched.agreed or step == "limits"
 
     def number(self, question: str, suggested: float) -> float | None:
@@ -260,10 +260,10 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options, s
 def options_of(draw: Draw, directory: Path) -> Options:
     """The options: a limit of current that the wheel can be identified within, one of speed, the map that is wrong."""
     true: Any = load_protocol(draw.family)
-    told = {field.name for register in true.wire_map.readable() for field in register.fields}
-    factors = {key: -1.0 for key in draw.turned if key[1] == "write" or key[0] in told}
+    reported = {field.name for register in true.wire_map.readable() for field in register.fields}
+    factors = {key: -1.0 for key in draw.turned if key[1] == "write" or key[0] in reported}
     if draw.scale != 1.0:
-        for name in ("speed", *(("angle",) if draw.of_angle and "angle" in told else ())):
+        for name in ("speed", *(("angle",) if draw.of_angle and "angle" in reported else ())):
             factors[name, "read"] = factors.get((name, "read"), 1.0) * draw.scale
     protocol = write_corrected_map(draw.family, factors, directory) if factors else None
     strong_A = (0.4 * 15.205 - 0.5863 + draw.coulomb) / draw.gain
@@ -273,7 +273,7 @@ def options_of(draw: Draw, directory: Path) -> Options:
     )  # fmt: skip
 
 
-def carry_out(draw: Draw) -> Told:
+def carry_out(draw: Draw) -> Reported:
     """One commissioning, judged."""
     with tempfile.TemporaryDirectory() as folder, StopSignal() as stop:
         directory, clock = Path(folder), VirtualClock()
@@ -285,7 +285,7 @@ def carry_out(draw: Draw) -> Told:
         except (RwEkfError, Stopped) as error:
             refused = str(error)
         limit_rad_s, limit_A = 4000.0 * RAD_S_PER_RPM, options.current_limit_A or 0.0
-        told = Told(
+        reported = Reported(
             draw,
             "refused",
             refused or "",
@@ -297,23 +297,23 @@ def carry_out(draw: Draw) -> Told:
             for words, is_so in (
                 ("a current before it was agreed to", watched.before_agreed > 0),
                 ("a current above the limit", watched.largest_A > limit_A + 1e-4),
-                ("a speed above the limit", told.fastest > _OVER_SPEED),
+                ("a speed above the limit", reported.fastest > _OVER_SPEED),
                 ("a current left on", watched.last_A != 0.0 or plant.current_A != 0.0),
             )
             if is_so
         ]
         if broken:
-            told.verdict, told.reason = "wrong", "; ".join(broken)
+            reported.verdict, reported.reason = "wrong", "; ".join(broken)
         elif refused is None:
-            _judge(told, work)
-        return told
+            _judge(reported, work)
+        return reported
 
 
-def _judge(told: Told, work: Work) -> None:
-    draw, model = told.draw, read_model(Path(work.progress["files"]["model"]))
-    told.model = work.progress["model"]["verdict"]["kind"]
-    told.gain_off = model.parameters.motor_gain / draw.gain - 1.0
-    wrong = [] if abs(told.gain_off) < _WITHIN else [f"gain {model.parameters.motor_gain:.4g}"]
+def _judge(reported: Reported, work: Work) -> None:
+    draw, model = reported.draw, read_model(Path(work.progress["files"]["model"]))
+    reported.model = work.progress["model"]["verdict"]["kind"]
+    reported.gain_off = model.parameters.motor_gain / draw.gain - 1.0
+    wrong = [] if abs(reported.gain_off) < _WITHIN else [f"gain {model.parameters.motor_gain:.4g}"]
     curve = friction_curve(read_log(work.progress["identification"]["log"]), model)
     for rpm in (-1500.0, -300.0, -30.0, 30.0, 300.0, 1500.0):
         speed = rpm * RAD_S_PER_RPM
@@ -324,7 +324,7 @@ def _judge(told: Told, work: Work) -> None:
             wrong.append(f"friction at {rpm:g} rpm {believed:.4g}, truly {truth:.4g}")
     turned = turned_backward(work, draw)
     wrong += [turned] if turned else []
-    told.verdict, told.reason = ("wrong", "; ".join(wrong)) if wrong else ("right", "")
+    reported.verdict, reported.reason = ("wrong", "; ".join(wrong)) if wrong else ("right", "")
 
 
 def turned_backward(work: Work, draw: Draw) -> str | None:
@@ -359,18 +359,19 @@ def main() -> None:
     counts: Counter[str] = Counter()
     minutes = []
     with ProcessPoolExecutor(args.jobs) if args.jobs > 1 else contextlib.nullcontext() as pool:
-        for told in tqdm((map if pool is None else pool.map)(carry_out, draws), total=len(draws)):
-            d = told.draw
-            counts[told.verdict] += 1
-            minutes += [told.wheel_minutes] if told.verdict == "right" else []
+        for reported in tqdm((map if pool is None else pool.map)(carry_out, draws), total=len(draws)):
+            d = reported.draw
+            counts[reported.verdict] += 1
+            minutes += [reported.wheel_minutes] if reported.verdict == "right" else []
             turned = "+".join(f"{name.removeprefix('current_')}.{way[0]}" for name, way in d.turned) or "-"
             tqdm.write(
                 f"{d.number:3d} {d.family:18s} k {d.gain:5.1f} c {d.coulomb:4.2f} scale {d.scale:6.3f} "
                 f"turned {turned:30s} "
                 f"{d.noise_rpm:4.1f} rpm {d.baud:6d} {'late' if d.delay_s else '  - '} "
-                f"{'tacho' if d.has_tachometer else '  -  '} {told.verdict:8s} "
-                f"{told.wheel_minutes:4.1f} min gain {told.gain_off:+.1%} top {told.fastest:.2f} {told.model} "
-                f"{told.reason[:150]}"
+                f"{'tacho' if d.has_tachometer else '  -  '} {reported.verdict:8s} "
+                f"{reported.wheel_minutes:4.1f} min gain {reported.gain_off:+.1%} top {reported.fastest:.2f} "
+                f"{reported.model} "
+                f"{reported.reason[:150]}"
             )
     print(f"{dict(counts)}; wheel-minutes {min(minutes, default=0):.1f} to {max(minutes, default=0):.1f}")
 

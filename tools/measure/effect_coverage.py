@@ -122,7 +122,7 @@ def measure(job: tuple[str, int]) -> dict[str, Any]:
     }
 
 
-def told(item: dict[str, Any]) -> dict[str, tuple[float, float, float]]:
+def reported(item: dict[str, Any]) -> dict[str, tuple[float, float, float]]:
     """(value, std, truth) of the numbers that were told with a standard deviation, by name; of the right order."""
     found, tail = item["found"], ""
     if found is None:
@@ -150,11 +150,11 @@ def table_of(found: Sequence[dict[str, Any]]) -> list[str]:
         if not cell:
             continue
         count = f"{len(named)} of {len(cell)}"
-        names = dict.fromkeys(name for item in named for name in told(item))
+        names = dict.fromkeys(name for item in named for name in reported(item))
         if not names:
             lines.append(f"{kind:22} {'':18} {count:>9}")
         for name in names:
-            value, std, truth = np.array([told(item)[name] for item in named if name in told(item)]).T
+            value, std, truth = np.array([reported(item)[name] for item in named if name in reported(item)]).T
             z = (value - truth) / std
             lines.append(
                 f"{kind:22} {name:18}{count:>9}{z.size:9d}{np.mean(np.abs(z) < INSIDE):9.2f}"

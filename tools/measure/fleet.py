@@ -103,11 +103,11 @@ def _dask(place: Path) -> None:
     _plain(index)
     for turn in range(_TURNS):
         _, plain_s = _timed(lambda: _plain(index))
-        told = []
+        reported = []
         for name, settings in (("as it comes", {}), ("with our settings", DASK_SETTINGS)):
             spent_s, wall_s = _spent_by_dask(index, place / f"{name} {turn}", settings)
-            told.append(f"{name} {spent_s / plain_s:.2f} ({spent_s:.1f} s in {wall_s:.1f} s)")
-        print(f"dask: of {plain_s:.1f} s of the plain loop {', '.join(told)}; load {os.getloadavg()[0]:.1f}")
+            reported.append(f"{name} {spent_s / plain_s:.2f} ({spent_s:.1f} s in {wall_s:.1f} s)")
+        print(f"dask: of {plain_s:.1f} s of the plain loop {', '.join(reported)}; load {os.getloadavg()[0]:.1f}")
 
 
 def _spent_by_dask(index: FleetIndex, place: Path, settings: dict[str, Any]) -> tuple[float, float]:
@@ -135,17 +135,17 @@ def _many(place: Path) -> None:
         folder = place / "logs" / f"wheel={name_of(number)}"
         folder.mkdir(parents=True)
         os.link(log, folder / "2026-01-01.parquet")
-    told = place / "scheduler.json"
-    scheduler = _dask_process("scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(told))
-    while not told.is_file():
+    reported = place / "scheduler.json"
+    scheduler = _dask_process("scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(reported))
+    while not reported.is_file():
         time.sleep(0.1)
-    worker = _dask_process("worker", "--scheduler-file", str(told), "--nworkers", "2", "--nthreads", "1")
+    worker = _dask_process("worker", "--scheduler-file", str(reported), "--nworkers", "2", "--nthreads", "1")
     probe = (
         "import sys, rw_ekf; done = rw_ekf.fleet.run(sys.argv[1], scheduler=sys.argv[2]); assert done.whole; "
         "print(len(done.entries), done.seconds)"
     )
     try:
-        address = json.loads(told.read_text())["address"]
+        address = json.loads(reported.read_text())["address"]
         command = [sys.executable, "-c", probe, str(place / "logs"), address]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
             most_mb = 0.0
@@ -153,9 +153,9 @@ def _many(place: Path) -> None:
                 most_mb = max(most_mb, _peak_mb(client.pid) or 0.0)
                 time.sleep(0.2)
             assert client.stdout is not None
-            said = client.stdout.read().decode().strip()
+            stated = client.stdout.read().decode().strip()
         print(
-            f"many: wheels and seconds {said}: scheduler {_peak_mb(scheduler.pid):.0f} MB at its most, "
+            f"many: wheels and seconds {stated}: scheduler {_peak_mb(scheduler.pid):.0f} MB at its most, "
             f"client {most_mb:.0f} MB"
         )
     finally:
@@ -317,16 +317,16 @@ def _year(place: Path) -> None:
     """By its commands, as a user has it."""
     logs = str(place / "logs")
     drawn = ("--wheels", "6", "--days", "365", "--seed", str(_YEAR_SEED), "--workers", "1")
-    simulated_s, _ = _timed(lambda: _said("simulate", "fleet", "--out", logs, *drawn))
+    simulated_s, _ = _timed(lambda: _stated("simulate", "fleet", "--out", logs, *drawn))
     began_s = time.perf_counter()
     memory = _watched_run(logs)
     ran_s = time.perf_counter() - began_s
-    print(_said("fleet", "trends", logs), _said("fleet", "view", logs), sep="\n")
+    print(_stated("fleet", "trends", logs), _stated("fleet", "view", logs), sep="\n")
     truth = json.loads(Path(logs, "truth.json").read_text())["truth"]
-    told = json.loads(Path(logs, "fleet", "trends.json").read_text())["wheels"]
+    reported = json.loads(Path(logs, "fleet", "trends.json").read_text())["wheels"]
     ages = sorted(wheel["wheel"] for wheel in truth if wheel["ageing_percent_per_month"] > 0.0)
     fails = sorted(wheel["wheel"] for wheel in truth if wheel["fails_on"])
-    accused = sorted(wheel["wheel"] for wheel in told if wheel["findings"])
+    accused = sorted(wheel["wheel"] for wheel in reported if wheel["findings"])
     print(
         f"year: simulated in {simulated_s:.0f} s, filtered in {ran_s:.0f} s; ages {ages}, fails {fails}, findings of "
         f"{accused}; largest worker {', '.join(f'{mb:.0f}' for mb in memory)} MB in the fifths of the run; page "
@@ -348,7 +348,7 @@ def _watched_run(logs: str) -> list[float]:
     return [max(mb for count, mb in seen if part <= 5 * count / total <= part + 1) for part in range(5)]
 
 
-def _said(*arguments: str) -> str:
+def _stated(*arguments: str) -> str:
     return subprocess.run(_command(*arguments), check=True, stdout=subprocess.PIPE, text=True).stdout.rstrip()
 
 

@@ -48,6 +48,6 @@ def run_on_m4(folder: Path, *, other_libm: bool) -> tuple[int, str]:
 
 
 if __name__ == "__main__":
-    status, said = run_on_m4(Path(sys.argv[1]), other_libm=True)
-    sys.stdout.write(said)
+    status, stated = run_on_m4(Path(sys.argv[1]), other_libm=True)
+    sys.stdout.write(stated)
     sys.exit(status)

@@ -37,7 +37,7 @@ from rw_ekf.logs.reader import read_table
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import read_model
-from tools.measure.soak import Told
+from tools.measure.soak import Reported
 
 _CONFIGURATION = """\
 wheel: {port: DIRECTORY/nowhere}
@@ -73,7 +73,7 @@ def made_run(directory: Path, seconds: float = 600.0) -> Path:
     path.write_text(_CONFIGURATION.replace("DIRECTORY", str(directory)), encoding="utf-8")
     with StopSignal() as stop:
         protocol = SimulatedProtocol(wheel)
-        outcome = run_daemon(Task(load_configuration(path), protocol, GivenModel(), seconds), Told(), stop, clock)
+        outcome = run_daemon(Task(load_configuration(path), protocol, GivenModel(), seconds), Reported(), stop, clock)
     return outcome.files.log
 
 
@@ -123,8 +123,8 @@ def _read(file: Path, log: Path, *, alone: bool) -> tuple[dict[str, Any], list[s
     if file.name.endswith((".start.yaml", ".meta.yaml")):
         setup = setup_of_run(log)
         about = read_metadata(log)
-        said = {"constants": setup.constants, "mean": setup.prior.mean.tolist(), "about": about}
-        return said | {"covariance": setup.prior.covariance.tolist(), "effects": setup.effects}, list(setup.notes)
+        stated = {"constants": setup.constants, "mean": setup.prior.mean.tolist(), "about": about}
+        return stated | {"covariance": setup.prior.covariance.tolist(), "effects": setup.effects}, list(setup.notes)
     model = read_model(file)
     return model.document(), list(model.remarks)
 

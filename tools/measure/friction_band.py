@@ -103,8 +103,8 @@ def measured(case: Nameless) -> Wheel | None:
     first, last = _estimates(found.model, following)
     bare = replace(found.model, effects=replace(found.model.effects, considered=()))
     alone = _estimates(bare, following)[1]
-    told = [_held(estimate, case.law, speeds) for estimate in (first, last, alone)]
-    return Wheel(case.name, list(found.document()["verdict"]["effects"]), *told)
+    reported = [_held(estimate, case.law, speeds) for estimate in (first, last, alone)]
+    return Wheel(case.name, list(found.document()["verdict"]["effects"]), *reported)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -113,19 +113,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--wheels", type=int, default=10, help="with a bump (10); a fifth as many of each law")
     parser.add_argument("--first", type=int, default=500, help="first seed (500)")
     parser.add_argument("--jobs", type=int, default=1)
-    asked = parser.parse_args(arguments)
-    seeds = range(asked.first, asked.first + asked.wheels)
+    options = parser.parse_args(arguments)
+    seeds = range(options.first, options.first + options.wheels)
     cases: list[Nameless] = [Bumpy("bump", seed) for seed in seeds]
-    cases += [Nameless(name, seed) for name in LAWS for seed in seeds[: max(asked.wheels // 5, 1)]]
+    cases += [Nameless(name, seed) for name in LAWS for seed in seeds[: max(options.wheels // 5, 1)]]
     found: list[Wheel] = []
-    with ProcessPoolExecutor(asked.jobs) as pool:
+    with ProcessPoolExecutor(options.jobs) as pool:
         for case, wheel in zip(cases, pool.map(measured, cases), strict=True):
             if wheel is None:
                 print(f"{case.name:18} {case.seed:5d} nothing found", flush=True)
                 continue
             found.append(wheel)
-            told = "   ".join(f"{held.share:.2f} worst {held.worst:5.1f}" for held in wheel[2:])
-            print(f"{case.name:18} {case.seed:5d} {'+'.join(wheel.effects):26} {told}", flush=True)
+            reported = "   ".join(f"{held.share:.2f} worst {held.worst:5.1f}" for held in wheel[2:])
+            print(f"{case.name:18} {case.seed:5d} {'+'.join(wheel.effects):26} {reported}", flush=True)
     for kind in ("bumps", "laws"):
         group = [wheel for wheel in found if (wheel.name == "bump") == (kind == "bumps")]
         for when in ("start", "behind", "alone") if group else ():

@@ -138,17 +138,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[11, 12])
     parser.add_argument("--only", nargs="*", default=[], help="names that begin so")
     parser.add_argument("--jobs", type=int, default=1)
-    asked = parser.parse_args(arguments)
-    names = [name for name in ALL if not asked.only or any(name.startswith(begin) for begin in asked.only)]
-    cases = [Nameless(name, seed) for name in names for seed in asked.seeds]
+    options = parser.parse_args(arguments)
+    names = [name for name in ALL if not options.only or any(name.startswith(begin) for begin in options.only)]
+    cases = [Nameless(name, seed) for name in names for seed in options.seeds]
     found: list[Measured] = []
-    with ProcessPoolExecutor(asked.jobs) as pool:
+    with ProcessPoolExecutor(options.jobs) as pool:
         for item in pool.map(measured, cases):
             found.append(item)
             band = "" if item.covered is None else f" band {item.covered:.2f}"
             figures = f"{item.before_rpm:6.2f} -> {item.after_rpm:5.2f} rpm (noise {item.noise_rpm:.2f})"
-            told = f"{item.name:20} {item.seed:4d} {item.kind:11} {'+'.join(item.effects):28} {item.what:34}"
-            print(f"{told} next log: {figures}{band}", flush=True)
+            reported = f"{item.name:20} {item.seed:4d} {item.kind:11} {'+'.join(item.effects):28} {item.what:34}"
+            print(f"{reported} next log: {figures}{band}", flush=True)
     families = [item for item in found if item.name in FAMILIES]
     laws = [item for item in found if item.name in LAWS]
     if families:

@@ -91,7 +91,7 @@ class Draw:
 
 
 @dataclass(frozen=True)
-class Told:
+class Reported:
     """What a draw came to."""
 
     draw: Draw
@@ -136,12 +136,12 @@ def draw_of(seed: int, family: str = "sunspace-wheel") -> Draw:
 
 def fields_of(family: str) -> tuple[str, ...]:
     """What a wheel of a family can lie about, the speed three times as often as anything else."""
-    told = [field.name for field in _told_fields(family)]
-    known = [name for name in FIELDS if name in told]
-    return (*known, *(name for name in dict.fromkeys(told) if name not in known))
+    reported = [field.name for field in _reported_fields(family)]
+    known = [name for name in FIELDS if name in reported]
+    return (*known, *(name for name in dict.fromkeys(reported) if name not in known))
 
 
-def _told_fields(family: str) -> list[Field]:
+def _reported_fields(family: str) -> list[Field]:
     protocol: Any = load_protocol(family)
     return [field for register in protocol.wire_map.readable() for field in register.fields]
 
@@ -201,8 +201,8 @@ def _with_bit(field: Field, true: float, place: float, *, up: bool) -> float:
     number = field.to_wire(true)
     if field.is_float:
         bits, bit = struct.unpack("<I", struct.pack("<f", number))[0], 1 << int(16 + 15 * place)
-        (told,) = struct.unpack("<f", struct.pack("<I", bits | bit if up else bits & ~bit))
-        return field.to_si(told)
+        (reported,) = struct.unpack("<f", struct.pack("<I", bits | bit if up else bits & ~bit))
+        return field.to_si(reported)
     whole, bit = int(number), 1 << int(4 + 11 * place)
     return field.to_si(whole | bit if up else whole & ~bit)
 
@@ -219,7 +219,7 @@ class _Unheard:
 def _let_lie(server: RegisterServer, draw: Draw) -> None:
     """One field of what it tells lies from now on; or it acknowledges writes without acting on them."""
     began_s, tell, act, answer = server.plant.time_s, server._telemetry, server._command_current, server._answer
-    field = next((f for f in _told_fields(draw.family) if f.name == draw.field), None)
+    field = next((f for f in _reported_fields(draw.family) if f.name == draw.field), None)
     lie = None if field is None else lie_of(draw, field)
 
     def lying(register: Register) -> dict[str, float]:
@@ -244,7 +244,7 @@ def _let_lie(server: RegisterServer, draw: Draw) -> None:
         server._command_current = deaf  # type: ignore[method-assign]
 
 
-def run_draw(draw: Draw, directory: Path) -> Told:
+def run_draw(draw: Draw, directory: Path) -> Reported:
     """Run it."""
     configuration = load_configuration(_configuration(draw, directory))
     spoken: Any = checked_protocol(configuration)
@@ -256,7 +256,7 @@ def run_draw(draw: Draw, directory: Path) -> Told:
     noise, state = PlantNoise(RAD_S_PER_RPM), PlantState(speed_rad_s=0.0)
     plant = PlantRunner(parameters, noise, draw.seed, state, 0.02, compiled_advance)
     written: list[float] = []
-    asked: list[float] = [0.0]
+    wanted: list[float] = [0.0]
     outside, fastest = 0, 0.0
 
     def watch(frame: Frame) -> None:
@@ -264,7 +264,7 @@ def run_draw(draw: Draw, directory: Path) -> Told:
         fastest = max(fastest, abs(plant.speed_rad_s))
         if frame.id == command.id:
             current = decode_register(command, frame.data)["current_command"]
-            hull = (0.0, written[-1] if written else 0.0, asked[-1])
+            hull = (0.0, written[-1] if written else 0.0, wanted[-1])
             slack = _COUNT_A * max(draw.per_ampere, 1e-3) + _EPSILON_A
             outside += not min(hull) - slack <= current <= max(hull) + slack
             written.append(current)
@@ -278,7 +278,7 @@ def run_draw(draw: Draw, directory: Path) -> Told:
     allow: Any = guard.allowed_current
 
     def noted(requested_A: float, *others: Any) -> Any:
-        asked.append(requested_A if math.isfinite(requested_A) else 0.0)
+        wanted.append(requested_A if math.isfinite(requested_A) else 0.0)
         return allow(requested_A, *others)
 
     guard.allowed_current = noted  # type: ignore[assignment]
@@ -287,13 +287,13 @@ def run_draw(draw: Draw, directory: Path) -> Told:
             outcome = run_daemon(Task(configuration, protocol, GivenModel(), draw.lasts_s), _Unheard(), stop, clock)
     finally:
         guard.allowed_current = allow
-    return _told(draw, len(written), outside, fastest, outcome, plant.current_A)
+    return _reported(draw, len(written), outside, fastest, outcome, plant.current_A)
 
 
-def _told(draw: Draw, writes: int, outside: int, fastest: float, outcome: RunOutcome, at_end_A: float) -> Told:
+def _reported(draw: Draw, writes: int, outside: int, fastest: float, outcome: RunOutcome, at_end_A: float) -> Reported:
     over = fastest / (draw.limit_rpm * RAD_S_PER_RPM)
     safe = outcome.state.state is RunState.SAFE or outcome.halted is not None
-    return Told(
+    return Reported(
         draw, writes, outside, over, safe, outcome.zero_confirmed, at_end_A, outcome.halted or outcome.state.reason
     )
 
@@ -316,7 +316,7 @@ def _configuration(draw: Draw, directory: Path) -> Path:
     return path
 
 
-def told_of(seed: int, family: str = "sunspace-wheel", **changes: Any) -> Told:
+def sentence_about(seed: int, family: str = "sunspace-wheel", **changes: Any) -> Reported:
     """What the draw of a seed comes to. changes: of its fields."""
     with tempfile.TemporaryDirectory(prefix="rw-ekf-liar-") as name:
         return run_draw(replace(draw_of(seed, family), **changes), Path(name))
@@ -347,30 +347,30 @@ def main() -> int:
     changes |= {"field": HONEST, "kind": "nothing"} if args.healthy else {}
     seeds = range(1000 * args.seed, 1000 * args.seed + args.draws)
     with ProcessPoolExecutor(args.jobs) as pool:
-        told = list(tqdm(pool.map(partial(told_of, **changes), seeds, chunksize=4), total=args.draws))
-    print_table(told, args.worst)
+        reported = list(tqdm(pool.map(partial(sentence_about, **changes), seeds, chunksize=4), total=args.draws))
+    print_table(reported, args.worst)
     return 0
 
 
-def print_table(told: list[Told], worst: int) -> None:
+def print_table(reported: list[Reported], worst: int) -> None:
     """A row for each field and kind, then the fastest."""
-    writes, outside = sum(t.writes for t in told), sum(t.outside for t in told)
-    print(f"{len(told)} draws, {writes} writes: {outside} outside [0, last, asked]; ", end="")
-    print(f"zero called confirmed while a current flowed: {sum(t.is_false_zero for t in told)}")
-    groups: dict[tuple[str, str], list[Told]] = {}
-    for one in told:
+    writes, outside = sum(t.writes for t in reported), sum(t.outside for t in reported)
+    print(f"{len(reported)} draws, {writes} writes: {outside} outside [0, last, asked]; ", end="")
+    print(f"zero called confirmed while a current flowed: {sum(t.is_false_zero for t in reported)}")
+    groups: dict[tuple[str, str], list[Reported]] = {}
+    for one in reported:
         groups.setdefault((one.draw.field, one.draw.kind), []).append(one)
     print(f"{'field':16} {'lie':10} {'draws':>5} {'SAFE':>5} {'confirmed':>9} {'worst T / L':>11}")
     for (field, kind), ones in sorted(groups.items()):
         fastest = max(t.speed_over_limit for t in ones)
         safe, confirmed = sum(t.safe for t in ones), sum(t.confirmed for t in ones)
         print(f"{field:16} {kind:10} {len(ones):5} {safe:5} {confirmed:9} {fastest:11.2f}")
-    reasons = Counter((t.draw.field, t.reason[:100]) for t in told if t.safe)
+    reasons = Counter((t.draw.field, t.reason[:100]) for t in reported if t.safe)
     for (field, reason), times in sorted(reasons.items(), key=lambda item: (item[0][0], -item[1])):
         print(f"SAFE {times:4} {field:16} {reason}")
-    for one in [t for t in told if t.safe and t.draw.field == HONEST]:
+    for one in [t for t in reported if t.safe and t.draw.field == HONEST]:
         print(f"falsely SAFE  {one.draw}")
-    for one in sorted(told, key=lambda t: -t.speed_over_limit)[:worst]:
+    for one in sorted(reported, key=lambda t: -t.speed_over_limit)[:worst]:
         print(f"T / L {one.speed_over_limit:.2f}  {'SAFE' if one.safe else '-'}  {one.draw}")
 
 

@@ -155,15 +155,15 @@ def day(source: Path, hours: float, minutes: float) -> None:
         with viewed(again.log.parent) as (pid, address):
             browser.open(address)
             browser.until("document.querySelector('.chart canvas') !== null")
-            began_s = next_s = told_s = time.monotonic()
+            began_s = next_s = reported_s = time.monotonic()
             while again.rows < rows:
                 again.add(_BATCH)
                 next_s += every
                 time.sleep(max(next_s - time.monotonic(), 0.0))
-                if time.monotonic() >= told_s or again.rows >= rows:
-                    told_s += 30.0 * minutes / 10.0
+                if time.monotonic() >= reported_s or again.rows >= rows:
+                    reported_s += 30.0 * minutes / 10.0
                     print(_memory(again.rows, time.monotonic() - began_s, pid, browser), flush=True)
-            print(f"console: {browser.said}")
+            print(f"console: {browser.stated}")
 
 
 def _memory(rows: int, lasted_s: float, pid: int, browser: Browser) -> str:

@@ -71,12 +71,12 @@ def scores(kind: str, seed: int, directory: Path) -> dict[str, dict[str, float]]
     save_log(logs[1], str(log))
     judged = [name for name in PARAMETER_NAMES if (kind, name) != ("stribeck_shape", "static")]
     truth = {name: float(getattr(wheel, name)) for name in judged}
-    told = {}
+    reported = {}
     for way, option in _WAYS.items():
         command = [sys.executable, "-m", "rw_ekf", way, str(log), option, str(model), "--json"]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
-        told[way] = _off(json.loads(done.stdout), truth, kind)
-    return told
+        reported[way] = _off(json.loads(done.stdout), truth, kind)
+    return reported
 
 
 def _off(document: dict[str, Any], truth: dict[str, float], kind: str) -> dict[str, float]:
@@ -104,8 +104,8 @@ def main(arguments: list[str] | None = None) -> int:
             for kind in options.kinds:
                 for way, off in scores(kind, seed, Path(directory)).items():
                     all_off[way] += off.values()
-                    said = "  ".join(f"{name} {z:+.2f}" for name, z in off.items())
-                    print(f"{seed} {kind:20} {way:7} {said}", flush=True)
+                    stated = "  ".join(f"{name} {z:+.2f}" for name, z in off.items())
+                    print(f"{seed} {kind:20} {way:7} {stated}", flush=True)
     for way, numbers in all_off.items():
         z = np.array(numbers)
         print(

@@ -57,7 +57,7 @@ output: {{directory: DIRECTORY/runs, part_hours: 6}}
 """
 PROFILE = "{profile: random-sines, amplitude_A: 0.25, period_s: 40, bias_A: 0.03}"
 STEADY = "{profile: sine, amplitude_A: 0.0, bias_A: 0.041}"
-_TOLD_WHOLLY = ("not_written", "part_not_begun", "drag_spike", "sink_failed")
+_REPORTED_WHOLLY = ("not_written", "part_not_begun", "drag_spike", "sink_failed")
 _MEMORY_EVERY_H = 4.0  # readings of memory stand 600 s apart
 _SETTLED_S = 3600.0  # memory is compared from here on
 
@@ -79,11 +79,11 @@ class Soaked:
 
     seen: Observer
     outcome: RunOutcome
-    told: Told
+    reported: Reported
     seconds: float
 
 
-class Told:
+class Reported:
     """A logger that counts, and keeps what it was told first of each event."""
 
     def __init__(self) -> None:
@@ -109,13 +109,15 @@ def soak(plan: Plan, directory: Path, bar: Any) -> Soaked:
     path = directory / "wheel.yaml"
     text = CONFIGURATION.replace("DIRECTORY", str(directory)).replace("COMMAND", STEADY if plan.steady else PROFILE)
     path.write_text(text, encoding="utf-8")
-    told, began = Told(), time.monotonic()
+    reported, began = Reported(), time.monotonic()
     with StopSignal() as stop, _wheel(server, directory / "wheel", pty=plan.pty) as (protocol, clock, now_s):
         observer = Observer(server, now_s, faults, stop, bar)
         with _watched_by(observer):
             configuration = load_configuration(path)
-            outcome = run_daemon(Task(configuration, protocol, GivenModel(), 3600.0 * plan.hours), told, stop, clock)
-    return Soaked(observer, outcome, told, time.monotonic() - began)
+            outcome = run_daemon(
+                Task(configuration, protocol, GivenModel(), 3600.0 * plan.hours), reported, stop, clock
+            )
+    return Soaked(observer, outcome, reported, time.monotonic() - began)
 
 
 @contextlib.contextmanager
@@ -143,10 +145,10 @@ def _watched_by(observer: Observer) -> Iterator[None]:
     request = SerialLink.request
 
     def witnessed(link: SerialLink, register_id: int, *arguments: Any, **options: Any) -> Exchange:
-        asked_s = observer.now_s()
+        wanted_s = observer.now_s()
         exchange = request(link, register_id, *arguments, **options)
         if register_id == CYCLE:
-            observer.exchanged(asked_s, exchange)
+            observer.exchanged(wanted_s, exchange)
         return exchange
 
     sinks = {**all_sinks.SINKS, "observer": all_sinks.SinkKind(lambda run: (observer, None), every_turn=True)}
@@ -203,8 +205,8 @@ def _report(soaked: Soaked, plan: Plan) -> list[str]:
         + ", ".join(f"{kib // 1024}" for _, kib in seen.rss_kib[:: round(6 * _MEMORY_EVERY_H)]),
         f"state at the end {outcome.state.state.value}; errors in sigma: "
         + ", ".join(f"{name} {value:+.1f}" for name, value in z.items()),
-        f"events: {dict(soaked.told.events.most_common())}",
-        *(f"{event}: {soaked.told.first[event]}" for event in _TOLD_WHOLLY if event in soaked.told.first),
+        f"events: {dict(soaked.reported.events.most_common())}",
+        *(f"{event}: {soaked.reported.first[event]}" for event in _REPORTED_WHOLLY if event in soaked.reported.first),
         f"explained: {dict(seen.explained_by.most_common(25))}",
     ]
 

@@ -58,7 +58,7 @@ def outcomes(name: str, value: float, marks: list[str], count: int, seed: int) -
     assert "rw_ekf.diagnosis.hypotheses.contenders" not in sys.modules, "what reads the thresholds was there before"
     from tools.proof.prove import Job, chosen_cases, prove  # noqa: PLC0415 - it reads them where it is imported
 
-    job = Job(told=False)
+    job = Job(reported=False)
     records = [prove(case, job) for case in chosen_cases(marks, seed, count, quick=False)]
     return {record.case: (record.outcome == "right", (str(record.kind), *sorted(record.named))) for record in records}
 
@@ -79,19 +79,21 @@ def page(measured: dict[str, Any]) -> str:
         "|---|---|---|---|---|---|---|",
     ]
     for name, row in TABLE.items():
-        moved = [told_of(item) for item in measured.get("moved", {}).get(name, [])] or ["not measured"] * len(FACTORS)
+        moved = [sentence_about(item) for item in measured.get("moved", {}).get(name, [])] or ["not measured"] * len(
+            FACTORS
+        )
         lines.append(
             f"| `{name}` | {row.value:.3g} | {row.unit} | {row.decides} | {row.source} | {' | '.join(moved)} |"
         )
     return "\n".join(lines) + "\n"
 
 
-def told_of(moved: dict[str, Any]) -> str:
+def sentence_about(moved: dict[str, Any]) -> str:
     """`-2 +1, 3 renamed`; a dash where no log ends otherwise."""
     lost, won, renamed = (len(moved[key]) for key in ("lost", "won", "renamed"))
     words = [f"-{lost}"] * (lost > 0) + [f"+{won}"] * (won > 0)
-    told = [" ".join(words)] * bool(words) + [f"{renamed} renamed"] * (renamed > 0)
-    return ", ".join(told) or "-"
+    reported = [" ".join(words)] * bool(words) + [f"{renamed} renamed"] * (renamed > 0)
+    return ", ".join(reported) or "-"
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -89,9 +89,9 @@ def _fate(profile: str, size_mNm: float, seed: int, noise_rpm: float) -> Fate:
     effect = f"drag_spike:amplitude_rad_s2={amplitude},onset_s={onset_s},decay_s={decay_s}"
     run = simulated(drawn_wheel(seed + 10), time_s, current_A, seed + 100, noise_rpm=noise_rpm, effect=effect)
     turning = abs(float(run.speed_rad_s[int(10 * onset_s)])) > TURNING_RAD_S
-    said = [h for h in heard(run, noise_rpm) if h.alarm.name == DRAG_SPIKE and h.time_s > onset_s]
-    begun = [h for h in said if h.alarm.ended_s is None]
-    over = [h for h in said if h.alarm.ended_s is not None]
+    stated = [h for h in heard(run, noise_rpm) if h.alarm.name == DRAG_SPIKE and h.time_s > onset_s]
+    begun = [h for h in stated if h.alarm.ended_s is None]
+    over = [h for h in stated if h.alarm.ended_s is not None]
     if not begun:
         return Fate(np.inf, turning, None, np.inf)
     details = begun[0].alarm.details
@@ -109,12 +109,12 @@ def names(seeds: int, from_s: float) -> None:
                 time_s, current_A = commands(profile, 0.7, seed)
                 run = simulated(drawn_wheel(seed + 10), time_s, current_A, seed, effect=effect, from_s=from_s)
                 begun = [h for h in heard(run) if h.alarm.ended_s is None]
-                said = [h for h in begun if h.alarm.name == RESIDUAL]
-                false = len(begun) - len(said)
-                if said:
-                    first, last = (said[i].alarm.details["largest_dependence"] for i in (0, -1))
+                stated = [h for h in begun if h.alarm.name == RESIDUAL]
+                false = len(begun) - len(stated)
+                if stated:
+                    first, last = (stated[i].alarm.details["largest_dependence"] for i in (0, -1))
                     words.append(
-                        f"{said[0].time_s - from_s:.0f} s {first} > {last}" + f" ({false} spikes)" * (false > 0)
+                        f"{stated[0].time_s - from_s:.0f} s {first} > {last}" + f" ({false} spikes)" * (false > 0)
                     )
                 else:
                     words.append("none" + f" ({false} spikes)" * (false > 0))

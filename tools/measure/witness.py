@@ -64,7 +64,7 @@ class Observer:
     excess_rpm: dict[str, float] = field(default_factory=lambda: {"told": 0.0, "blind": 0.0, "deaf": 0.0})
     back_s: list[float] = field(default_factory=list)
     rss_kib: list[tuple[float, int]] = field(default_factory=list)
-    asked_s: float = 0.0
+    wanted_s: float = 0.0
     data: bytes | None = None
     _held_rpm: float = SPEED_RPM
     _last: StateNow | None = None
@@ -72,16 +72,16 @@ class Observer:
     _safe_since_s: float | None = None
     _was_lost: bool = False
 
-    def exchanged(self, asked_s: float, exchange: Exchange) -> None:
+    def exchanged(self, wanted_s: float, exchange: Exchange) -> None:
         """Keep what the driver took for the answer to its last request for telemetry."""
-        self.asked_s, self.data = asked_s, exchange.data
+        self.wanted_s, self.data = wanted_s, exchange.data
 
     def write(self, tick: Tick) -> None:
         """Look at one turn."""
         now_s = self.now_s()
         if tick.fresh and tick.estimate.outcome is Outcome.UPDATED:
             self.used += 1
-            if self.data is not None and self.server.made_s.get(self.data, -1.0) < self.asked_s - 1e-6:
+            if self.data is not None and self.server.made_s.get(self.data, -1.0) < self.wanted_s - 1e-6:
                 self.stale_used += 1
         recent = self._recent(now_s, 3.0)
         speed_rpm = rpm_from_rad_s(abs(self.server.plant.speed_rad_s))

@@ -39,19 +39,19 @@ class Record:
     cold: bool = False  # the first log of its worker: its time is not counted
     before: dict[str, Any] | None = None
     after: dict[str, Any] | None = None
-    told_free_run_rpm: float | None = None  # free-run error of a fit that was told the true effects
+    reported_free_run_rpm: float | None = None  # free-run error of a fit that was told the true effects
     candidates: list[dict[str, Any]] = field(default_factory=list)
     wheel: dict[str, float] = field(default_factory=dict)  # what differs from a wheel without anything
     logged: dict[str, Any] = field(default_factory=dict)
     error: str | None = None
 
     @property
-    def told_ratio(self) -> float | None:
+    def reported_ratio(self) -> float | None:
         """Free-run error after the diagnosis over that of the fit told the truth; None where either is missing."""
         found = None if self.after is None else self.after.get("free_run_rms_rpm")
-        if found is None or not self.told_free_run_rpm:
+        if found is None or not self.reported_free_run_rpm:
             return None
-        return float(found) / self.told_free_run_rpm
+        return float(found) / self.reported_free_run_rpm
 
 
 def judge(case: Case, verdict: dict[str, Any], gains: bool = False) -> Outcome:
@@ -172,4 +172,4 @@ def _brief(candidate: dict[str, Any]) -> dict[str, Any]:
 
 def as_json(record: Record) -> dict[str, Any]:
     """The record as a JSON object."""
-    return {**asdict(record), "told_ratio": record.told_ratio}
+    return {**asdict(record), "told_ratio": record.reported_ratio}

@@ -141,26 +141,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", nargs="*", default=[], help="records whose names begin so")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, help="directory for measured.json and measured.md")
-    asked = parser.parse_args(arguments)
-    wanted = [one for one in RECORDS if not asked.only or any(one.name.startswith(begin) for begin in asked.only)]
-    there = [one for one in wanted if (asked.data / one.path).is_file()]
+    requested = parser.parse_args(arguments)
+    wanted = [
+        one for one in RECORDS if not requested.only or any(one.name.startswith(begin) for begin in requested.only)
+    ]
+    there = [one for one in wanted if (requested.data / one.path).is_file()]
     if not there:
-        print(f"Skipped: the measured records are not here ({asked.data}); --data names their folder.")
+        print(f"Skipped: the measured records are not here ({requested.data}); --data names their folder.")
         return 0
     for one in wanted:
         if one not in there:
             print(f"{one.name}: {one.path} is not there, left out.", file=sys.stderr)
     found = []
-    with ProcessPoolExecutor(asked.jobs) as pool:
-        for item in pool.map(judged, there, [asked.data] * len(there)):
+    with ProcessPoolExecutor(requested.jobs) as pool:
+        for item in pool.map(judged, there, [requested.data] * len(there)):
             found.append(item)
             print(f"{item['record']}: {item['verdict']['kind']}, {item['cpu_s']:.0f} s", file=sys.stderr, flush=True)
     text = table(found)
     print(text)
-    if asked.out is not None:
-        asked.out.mkdir(parents=True, exist_ok=True)
-        (asked.out / "measured.json").write_text(json_text({"schema": "rw_ekf.measured/1", "records": found}))
-        (asked.out / "measured.md").write_text(text + "\n")
+    if requested.out is not None:
+        requested.out.mkdir(parents=True, exist_ok=True)
+        (requested.out / "measured.json").write_text(json_text({"schema": "rw_ekf.measured/1", "records": found}))
+        (requested.out / "measured.md").write_text(text + "\n")
     return 0
 
 

@@ -43,7 +43,7 @@ from tools.proof.reliability import reliability_table
 from tools.proof.tty import SPEED_FACTOR, TtyError, diagnose_over_tty, tty_cases
 
 DIAGNOSIS = "rw_ekf.diagnosis.log_diagnosis:diagnose_log"
-_TOLD = "fit_told"  # beside it: fit_told(log, effect_ids) -> free-run RMS [rpm] or None
+_REPORTED = "fit_told"  # beside it: fit_told(log, effect_ids) -> free-run RMS [rpm] or None
 _TTY_CASES = 8
 _SAVE_EVERY = 25
 _warm: set[str] = set()  # of this process: a first diagnosis loads, and may compile, what all others find ready
@@ -54,7 +54,7 @@ class Job:
     """What a worker needs to know besides the case."""
 
     diagnosis: str = DIAGNOSIS
-    told: bool = True
+    reported: bool = True
     tty: str | None = None  # directory for the runs over a tty
     speed_factor: float = SPEED_FACTOR  # of the wheel's time there
 
@@ -76,8 +76,8 @@ def prove(case: Case, job: Job) -> Record:
             seconds = time.perf_counter() - began
             facts["cold"] = job.diagnosis not in _warm
             _warm.add(job.diagnosis)
-        told = _told(case, log, job) if log is not None and job.told else None
-        return record_of(case, document, seconds, told_free_run_rpm=told, **facts)
+        reported = _reported(case, log, job) if log is not None and job.reported else None
+        return record_of(case, document, seconds, reported_free_run_rpm=reported, **facts)
     except TtyError as error:
         return failure_of(case, str(error), time.perf_counter() - began, facts)
     except Exception:  # noqa: BLE001 - whatever a diagnosis raises is a finding about it, and the proof goes on
@@ -91,12 +91,12 @@ def _found(path: str) -> Callable[..., Any]:
     return function
 
 
-def _told(case: Case, log: WheelLog, job: Job) -> float | None:
+def _reported(case: Case, log: WheelLog, job: Job) -> float | None:
     """Free-run error of a fit that is told the true effects; None where the diagnosis offers no such fit."""
     if case.expects != "effects":
         return None
     module = importlib.import_module(job.diagnosis.partition(":")[0])
-    fit = getattr(module, _TOLD, None)
+    fit = getattr(module, _REPORTED, None)
     found = None if fit is None else fit(log, list(case.expected))
     return None if found is None else float(found)
 
@@ -244,7 +244,7 @@ def main() -> int:
             write_json(args.json, so_far, args.seed)
 
     with tempfile.TemporaryDirectory(prefix="rw-ekf-proof-") as directory:
-        job = Job(args.diagnosis, not args.no_told, directory if args.tty else None, args.speed_factor)
+        job = Job(args.diagnosis, not args.no_reported, directory if args.tty else None, args.speed_factor)
         records = prove_all(cases, job, args.jobs, keep)
     keep(records)
     if args.markdown:

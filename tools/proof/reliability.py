@@ -31,8 +31,8 @@ class Statement:
 
 def statements(record: Record) -> list[Statement]:
     """All that one verdict stated, the likeliest first."""
-    said = sorted(record.posterior.items(), key=lambda item: -item[1])
-    return [Statement(chance, _is_so(record, name)) for name, chance in said]
+    remarked = sorted(record.posterior.items(), key=lambda item: -item[1])
+    return [Statement(chance, _is_so(record, name)) for name, chance in remarked]
 
 
 def _is_so(record: Record, name: str) -> bool:
@@ -50,30 +50,30 @@ def all_statements(records: Iterable[Record]) -> list[Statement]:
 
 def likeliest_statements(records: Iterable[Record]) -> list[Statement]:
     """The first of each verdict."""
-    return [said[0] for record in records if (said := statements(record))]
+    return [remarked[0] for record in records if (remarked := statements(record))]
 
 
-def _by_bin(said: Sequence[Statement]) -> list[list[Statement]]:
+def _by_bin(remarked: Sequence[Statement]) -> list[list[Statement]]:
     bins: list[list[Statement]] = [[] for _ in range(BINS)]
-    for item in said:
+    for item in remarked:
         bins[min(int(item.stated * BINS), BINS - 1)].append(item)
     return bins
 
 
-def calibration_error(said: Sequence[Statement]) -> float:
+def calibration_error(remarked: Sequence[Statement]) -> float:
     """Expected calibration error, 0 to 1; NaN of nothing."""
-    if not said:
+    if not remarked:
         return float("nan")
-    total = sum(len(found) * abs(_stated(found) - _true(found)) for found in _by_bin(said) if found)
-    return float(total / len(said))
+    total = sum(len(found) * abs(_stated(found) - _true(found)) for found in _by_bin(remarked) if found)
+    return float(total / len(remarked))
 
 
-def _stated(said: Sequence[Statement]) -> float:
-    return float(np.mean([item.stated for item in said]))
+def _stated(remarked: Sequence[Statement]) -> float:
+    return float(np.mean([item.stated for item in remarked]))
 
 
-def _true(said: Sequence[Statement]) -> float:
-    return float(np.mean([item.true for item in said]))
+def _true(remarked: Sequence[Statement]) -> float:
+    return float(np.mean([item.true for item in remarked]))
 
 
 def reliability_table(records: Sequence[Record]) -> Table:
@@ -89,5 +89,5 @@ def reliability_table(records: Sequence[Record]) -> Table:
     return ("stated", "statements", "mean stated", "true", "likeliest of a verdict", "mean stated", "true"), rows
 
 
-def _cells(said: Sequence[Statement]) -> tuple[str, str, str]:
-    return ("", "", "") if not said else (str(len(said)), f"{_stated(said):.3f}", f"{_true(said):.3f}")
+def _cells(remarked: Sequence[Statement]) -> tuple[str, str, str]:
+    return ("", "", "") if not remarked else (str(len(remarked)), f"{_stated(remarked):.3f}", f"{_true(remarked):.3f}")

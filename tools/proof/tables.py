@@ -16,7 +16,7 @@ from tools.proof.marks import MARKS
 from tools.proof.plants import SEEN_CHI_SQUARE
 
 VERDICTS = ("adequate", "unexplained", "insufficient_excitation")
-TOLD_WITHIN = 1.05  # free-run error after the diagnosis over that of a fit told the truth
+REPORTED_WITHIN = 1.05  # free-run error after the diagnosis over that of a fit told the truth
 
 Table = tuple[Sequence[str], list[Sequence[str]]]  # heading, rows
 
@@ -74,10 +74,10 @@ def shares(records: Sequence[Record]) -> list[Share]:
             found.append(_share(title, mine, reach, _right))
             if mark not in {"foreign", "tty"}:
                 found += _of_the_seen(mine, None, _right)
-    told = [ratio for record in records if (ratio := record.told_ratio) is not None and _right(record)]
-    if told:
+    reported = [ratio for record in records if (ratio := record.reported_ratio) is not None and _right(record)]
+    if reported:
         title = "free-run error within 5 % of a fit told the truth"
-        found.append(Share(title, sum(ratio <= TOLD_WITHIN for ratio in told), len(told)))
+        found.append(Share(title, sum(ratio <= REPORTED_WITHIN for ratio in reported), len(reported)))
     return found
 
 
@@ -176,13 +176,13 @@ def effects_table(records: Iterable[Record]) -> Table:
         for size in sizes:
             of_size = [record for record in mine if record.size_percent == size]
             by_size.append(f"{size:g} %: {sum(map(_right, of_size))}/{len(of_size)}")
-        instead = Counter(said(record) for record in mine if not _right(record))
-        told = "; ".join(f"{what} {count}" for what, count in instead.most_common(4))
-        rows.append((mark, name, f"{sum(map(_right, mine))} of {len(mine)}", ", ".join(by_size), told))
+        instead = Counter(stated(record) for record in mine if not _right(record))
+        reported = "; ".join(f"{what} {count}" for what, count in instead.most_common(4))
+        rows.append((mark, name, f"{sum(map(_right, mine))} of {len(mine)}", ", ".join(by_size), reported))
     return ("mark", "injected", "right", "by size", "said instead"), rows
 
 
-def said(record: Record) -> str:
+def stated(record: Record) -> str:
     """What a verdict named, in few words."""
     if record.kind is None:
         return "failed"
@@ -200,7 +200,7 @@ def not_right_table(records: Iterable[Record]) -> Table:
         excess = "" if record.excess_chi_square is None else f"{record.excess_chi_square:.0f}"
         ratio = "" if record.table_ratio is None else f"{record.table_ratio:.1f}"
         rows.append(
-            (record.case, record.profile, f"{record.noise_rpm:.2g}", ratio, excess, record.outcome, said(record))
+            (record.case, record.profile, f"{record.noise_rpm:.2g}", ratio, excess, record.outcome, stated(record))
         )
     return ("case", "profile", "noise rpm", "of limit", "excess", "outcome", "said"), rows
 

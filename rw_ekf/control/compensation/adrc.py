@@ -52,7 +52,7 @@ class ActiveDisturbanceRejection:
         self._observe(tick, motor_gain, known if modelled else None)
         wanted = request_rad_s2 - self.rest_rad_s2
         drive = wanted + known.friction_against_rad_s2(wanted, known.speed_rad_s) if modelled else wanted
-        return self._timeline.asked(drive / motor_gain)
+        return self._timeline.wanted(drive / motor_gain)
 
     def _observe(self, tick: Tick, motor_gain: float, model: WheelKnown | None) -> None:
         """Predict, and correct by a reading where there is one; a gap starts the speed anew and keeps the rest."""

@@ -41,4 +41,4 @@ class DisturbanceObserver:
         if read is not None:
             lasted_s, mean = read
             self.friction_rad_s2 -= math.expm1(-self._cutoff_rad_s * lasted_s) * (mean - self.friction_rad_s2)
-        return self._drag.asked((request_rad_s2 + self.friction_rad_s2) / self._motor_gain)
+        return self._drag.wanted((request_rad_s2 + self.friction_rad_s2) / self._motor_gain)

@@ -96,7 +96,7 @@ class Dither:
             self._added_rad_s += self.dither_rad_s2 * span[0]
         base_A = self._base.current_A(tick, request_rad_s2, known)
         self.dither_rad_s2 = self._dither_rad_s2(abs(known.speed_rad_s))
-        return self._timeline.asked(base_A + self.dither_rad_s2 / self._motor_gain)
+        return self._timeline.wanted(base_A + self.dither_rad_s2 / self._motor_gain)
 
     def _dither_rad_s2(self, speed_rad_s: float) -> float:
         if self._next == 0:

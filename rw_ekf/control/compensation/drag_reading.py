@@ -66,9 +66,9 @@ class DragReading:
         self._begin(speed_rad_s)
         return lasted_s, min(max(drag_rad_s2, -_LARGEST_RAD_S2), _LARGEST_RAD_S2)
 
-    def asked(self, current_A: float) -> float:
+    def wanted(self, current_A: float) -> float:
         """Note what is asked for [A], for wheels whose telemetry has no current; returns it."""
-        return self._timeline.asked(current_A)
+        return self._timeline.wanted(current_A)
 
     def _begin(self, speed_rad_s: float | None) -> None:
         self._speed_rad_s = speed_rad_s

@@ -104,7 +104,7 @@ class KalmanBucyCompensation:
             self.filter.predict(step[0], self._gain * step[1])
             if read is not None:
                 self.filter.update(read, noise)
-        return self._timeline.asked((request_rad_s2 + self.filter.friction_rad_s2) / self._gain)
+        return self._timeline.wanted((request_rad_s2 + self.filter.friction_rad_s2) / self._gain)
 
     def _noise_of(self, tick: Tick) -> float:
         if self._noise is not None:

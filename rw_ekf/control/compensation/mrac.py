@@ -65,7 +65,7 @@ class Mrac:
         self._raw_sign = parameters.sign == "raw"
         self._timeline = Timeline()
         self._model_rad_s: float | None = None
-        self._asked_rad_s2 = 0.0  # of the model, over the interval that the next sample ends
+        self._wanted_rad_s2 = 0.0  # of the model, over the interval that the next sample ends
         self._pushed_rad_s2 = 0.0  # of the motor then
         self.error_rad_s = 0.0  # e: by how much the model leads
         self._sign = 0.0
@@ -85,14 +85,14 @@ class Mrac:
             self._sign = math.copysign(1.0, way) if way != 0.0 else _sign(request_rad_s2)
         viscous = self._viscous * (known.speed_rad_s if speed is None else speed)
         friction = viscous + self.coulomb_rad_s2 * self._sign + self._proportional * self.error_rad_s
-        self._asked_rad_s2 = request_rad_s2
+        self._wanted_rad_s2 = request_rad_s2
         self._pushed_rad_s2 = request_rad_s2 + friction
-        return self._timeline.asked(self._pushed_rad_s2 / self._gain)
+        return self._timeline.wanted(self._pushed_rad_s2 / self._gain)
 
     def _follow(self, dt_s: float, current_A: float, speed_rad_s: float | None) -> None:
         """Move the model on, and learn. What the guard took from the current is taken from the model's drive too."""
         assert self._model_rad_s is not None
-        drive = self._asked_rad_s2 + self._gain * current_A - self._pushed_rad_s2
+        drive = self._wanted_rad_s2 + self._gain * current_A - self._pushed_rad_s2
         keeps = math.exp(-self._viscous * dt_s)
         along = dt_s if self._viscous == 0.0 else (1.0 - keeps) / self._viscous
         towards = self._model_rad_s if speed_rad_s is None else speed_rad_s

@@ -13,7 +13,7 @@ from rw_ekf.control.compensation.tick_intervals import Elapsed
 from rw_ekf.control.compensation.trust import ParameterTrust, Source, is_well
 from rw_ekf.records import CompensationNow, RunState, StateNow, Tick
 
-_SAID = {
+_STATED = {
     Source.FILTER: "with the filter's parameters",
     Source.LAST_TRUSTED: "with the last parameters that could be trusted: the filter's cannot now",
     Source.NOT_NEEDED: "without estimated parameters: the scheme needs none",
@@ -55,7 +55,7 @@ class WheelCompensator:
         self._breakaway_A = sheet.parameters.static / sheet.parameters.motor_gain
         self._scheme: Compensation | None = None  # None: off
         self._now = CompensationNow(entry.id, False, Source.NOTHING, 0.0, 0.0, "nothing has been asked for yet")
-        self._told = self._now
+        self._reported = self._now
 
     def __call__(self, tick: Tick) -> float:
         """Return the current [A] to ask for after this tick's sample."""
@@ -68,13 +68,13 @@ class WheelCompensator:
             self._off(why_not, self._now.parameters)
             return plain_A
         if known is None:
-            self._off(_SAID[source], source)
+            self._off(_STATED[source], source)
             return plain_A
         wanted_A = self._wanted_A(tick, request, known) - plain_A
         added_A = self._bounded.step(wanted_A, elapsed_s)
         slow = self._sheet.stribeck.omega_s
         added_A *= moving_share(known.speed_rad_s, slow, plain_A, self._breakaway_A)
-        reason = _SAID[source] if math.isfinite(wanted_A) else _NO_NUMBER
+        reason = _STATED[source] if math.isfinite(wanted_A) else _NO_NUMBER
         self._now = CompensationNow(self._entry.id, True, source, self._bounded.share, added_A, reason)
         return plain_A + added_A
 
@@ -82,9 +82,9 @@ class WheelCompensator:
         """What it does after a turn in this state; the turn may have asked for no current, and ends it all the same."""
         if state is not None and state.state is not RunState.TRACKING:
             self._off(_trouble(state), self._now.parameters)
-        now, told = self._now, self._told
-        if (now.on, now.parameters, now.reason) != (told.on, told.parameters, told.reason):
-            self._told = now
+        now, reported = self._now, self._reported
+        if (now.on, now.parameters, now.reason) != (reported.on, reported.parameters, reported.reason):
+            self._reported = now
             self._terms.note(
                 "compensation", scheme=now.scheme, on=now.on, parameters=str(now.parameters), reason=now.reason
             )
@@ -146,5 +146,5 @@ def moving_share(speed_rad_s: float, slow_rad_s: float, request_A: float, breaka
     """
     turns = min(max(abs(speed_rad_s) / slow_rad_s - 1.0, 0.0), 1.0)
     quiet_A = _QUIET_SHARE * abs(breakaway_A)
-    asked = 1.0 if abs(request_A) >= quiet_A else abs(request_A) / quiet_A
-    return max(turns, asked if request_A != 0.0 else 0.0)
+    wanted = 1.0 if abs(request_A) >= quiet_A else abs(request_A) / quiet_A
+    return max(turns, wanted if request_A != 0.0 else 0.0)

@@ -85,4 +85,4 @@ class PiDrag:
         if read is not None:
             self._estimator.step(*read)
         estimate = min(max(self._estimator.estimate, -self._limit_rad_s2), self._limit_rad_s2)
-        return self._drag.asked((request_rad_s2 + estimate) / self._gain)
+        return self._drag.wanted((request_rad_s2 + estimate) / self._gain)

@@ -68,7 +68,7 @@ class PistinerOffset:
             self._on_a_side(math.copysign(1.0, speed))
         elif self._side != 0.0:
             self._near_zero(self._side * speed, request_rad_s2)
-        return self._timeline.asked((request_rad_s2 + self.offset_rad_s2) / self._motor_gain)
+        return self._timeline.wanted((request_rad_s2 + self.offset_rad_s2) / self._motor_gain)
 
     def _on_a_side(self, side: float) -> None:
         """Note the side; a wheel that was turned back before it got through takes its offset with it."""

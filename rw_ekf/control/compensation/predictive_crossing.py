@@ -67,7 +67,7 @@ class PredictiveCrossing:
             self._promised_rad_s = None
             if self._wheel is not None:
                 self._wheel.forget()
-            return self._timeline.asked(0.0)
+            return self._timeline.wanted(0.0)
         wanted = request_rad_s2 * self._period_s
         stands = self._stands(tick, known, wanted)
         ahead = self._ahead(tick, known, span, stands)
@@ -81,7 +81,7 @@ class PredictiveCrossing:
         sigma = 0.0 if known.estimate is None else known.estimate.std.speed_rad_s
         target = begin + wanted + paid(self._owed_rad_s, wanted, begin, sigma, self._payback)
         if begin == target == 0.0:
-            return self._timeline.asked(0.0)
+            return self._timeline.wanted(0.0)
         current_A = inverted(
             lambda current: ahead.end_rad_s(current, self._period_s),
             target,
@@ -90,7 +90,7 @@ class PredictiveCrossing:
         )
         if self._wheel is not None:
             current_A += mean_sign(begin, target) * self._wheel.drag_rad_s2 / known.parameters.motor_gain
-        return self._timeline.asked(current_A)
+        return self._timeline.wanted(current_A)
 
     def _ahead(self, tick: Tick, known: WheelKnown, span: tuple[float, float] | None, stands: bool) -> Outlook:
         """What follows, from the believed speed or, where readings are followed beside it, from that."""

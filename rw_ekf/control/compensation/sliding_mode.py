@@ -60,7 +60,7 @@ class SlidingMode:
         error = known.speed_rad_s - self._reference_rad_s
         self.s_rad_s = error + slope * self._strayed_rad
         drive = request_rad_s2 - slope * error - self._eta_rad_s2 * self._held_within(self.s_rad_s) / layer
-        return self._timeline.asked(drive / self._motor_gain)
+        return self._timeline.wanted(drive / self._motor_gain)
 
     def _held_within(self, s_rad_s: float) -> float:
         layer = self._surface.layer_rad_s

@@ -40,7 +40,7 @@ class SpeedMode:
         self._timeline = Timeline()
         self._reference_rad_s: float | None = None
         self._request_rad_s2 = 0.0  # since the last tick
-        self._asked_A: float | None = None
+        self._wanted_A: float | None = None
         self._held_rad_s2 = 0.0  # by the integral
 
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
@@ -58,10 +58,10 @@ class SpeedMode:
             if speed is not None:
                 error = self._reference_rad_s - speed
                 self._held_rad_s2 += self._integral * error * dt_s
-            if self._asked_A is not None:  # what the guard took away is taken back, or the integral would wind up
-                refused = self._motor_gain * (driving_A - self._asked_A)
+            if self._wanted_A is not None:  # what the guard took away is taken back, or the integral would wind up
+                refused = self._motor_gain * (driving_A - self._wanted_A)
                 self._held_rad_s2 += min(1.0, self._bandwidth_rad_s * dt_s) * refused
         self._request_rad_s2 = request_rad_s2
         drive = request_rad_s2 + self._proportional * error + self._held_rad_s2
-        self._asked_A = self._timeline.asked(drive / self._motor_gain)
-        return self._asked_A
+        self._wanted_A = self._timeline.wanted(drive / self._motor_gain)
+        return self._wanted_A

@@ -12,7 +12,7 @@ class Timeline:
         """longest_s: a longer interval is a gap, after which an observer starts afresh."""
         self._longest_s = longest_s
         self._last: WheelSample | None = None
-        self._asked_A = 0.0
+        self._wanted_A = 0.0
 
     def step(self, tick: Tick) -> tuple[float, float] | None:
         """Interval [s] that ends with this tick's sample, and the current [A] in force at its end."""
@@ -25,11 +25,11 @@ class Timeline:
             return None
         if sample.current_command_A is not None:
             return dt_s, sample.current_command_A
-        return dt_s, self._asked_A if sample.current_A is None else sample.current_A
+        return dt_s, self._wanted_A if sample.current_A is None else sample.current_A
 
-    def asked(self, current_A: float) -> float:
+    def wanted(self, current_A: float) -> float:
         """Note what was asked for, for wheels whose telemetry has no current; returns it."""
-        self._asked_A = current_A
+        self._wanted_A = current_A
         return current_A
 
 

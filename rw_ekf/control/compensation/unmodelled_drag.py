@@ -94,11 +94,11 @@ class UnmodelledDrag:
 
         The caller goes on from the speed so corrected. sign: of the speed over the interval, -1 to 1; 0 where it stood.
         """
-        told = [walk.step(residual_rad_s, dt_s, sign) for walk in self._walks]
-        best, change = max(told), min(dt_s / _CHANGES_S, 1.0)
+        reported = [walk.step(residual_rad_s, dt_s, sign) for walk in self._walks]
+        best, change = max(reported), min(dt_s / _CHANGES_S, 1.0)
         weights = [
             ((1.0 - change) * weight + change * prior) * math.exp(log - best)
-            for weight, prior, log in zip(self.weights, _PRIOR, told, strict=True)
+            for weight, prior, log in zip(self.weights, _PRIOR, reported, strict=True)
         ]
         total = sum(weights)
         self.weights = tuple(weight / total for weight in weights)

@@ -83,7 +83,7 @@ class Walrath:
         coulomb = known.parameters.coulomb
         self._towards_rad_s2 = 0.0 if way == 0.0 else math.copysign(coulomb, way)
         friction = self._lag.mean(self._period_s, self._towards_rad_s2)[0]
-        return self._drag.asked((request_rad_s2 + friction) / known.parameters.motor_gain)
+        return self._drag.wanted((request_rad_s2 + friction) / known.parameters.motor_gain)
 
     def _learn(self, dt_s: float, drag_rad_s2: float, tick: Tick) -> None:
         """Move ln tau by the drag [rad/s^2] of the last interval, as uncertain as the two speeds that it comes from."""

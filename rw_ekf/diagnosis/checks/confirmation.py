@@ -50,11 +50,11 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
         if first is None:
             worse = _worse(prepared, less, more, by_turns=True, clearly=True)
         elif lawful:
-            asked = (first, *ways)
-            agrees = any(_worse(way, less, more) is None for way in asked)
+            wanted = (first, *ways)
+            agrees = any(_worse(way, less, more) is None for way in wanted)
             if agrees and p_value < BEYOND_DOUBT_P:
                 worse = None
-            elif agrees or (len(asked) == 1 and p_value < BEYOND_DOUBT_P):
+            elif agrees or (len(wanted) == 1 and p_value < BEYOND_DOUBT_P):
                 worse = _worse(prepared, less, more, by_turns=True)
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"

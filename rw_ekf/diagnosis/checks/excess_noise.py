@@ -39,17 +39,17 @@ class Noises(NamedTuple):
 
     torque: NoiseFinding | None  # where its noise is larger than elsewhere
     readings: NoiseFinding | None
-    told: tuple[Swallowed, ...]
+    reported: tuple[Swallowed, ...]
 
     @property
     def sentence(self) -> str | None:
         """All of it, in subclauses; None where there is nothing."""
-        return "; and ".join(item.sentence for item in self.told) or None
+        return "; and ".join(item.sentence for item in self.reported) or None
 
     @property
     def p_value(self) -> float:
         """The smallest of what something else is behind; 1 where nothing is."""
-        return min((item.p_value for item in self.told if item.is_else), default=1.0)
+        return min((item.p_value for item in self.reported if item.is_else), default=1.0)
 
 
 NOTHING = Noises(None, None, ())
@@ -62,11 +62,11 @@ def noises_of(fit: Fit, facts: RecordFacts, *, in_rpm: bool) -> Noises:
     tails = _tails(fit)
     if tails is not None and readings is not None and readings.inside < _UNEVEN * readings.elsewhere:
         readings = None
-    told = [Swallowed(item.sentence(in_rpm=in_rpm), item.p_value, True) for item in (torque, readings) if item]
+    reported = [Swallowed(item.sentence(in_rpm=in_rpm), item.p_value, True) for item in (torque, readings) if item]
     if readings is not None and tails is not None and not tails.is_else:
         tails = None  # noises of two sizes have long tails when they are taken for one
     more = [item for item in (tails, _torque(fit, in_rpm=in_rpm)) if item is not None]
-    return Noises(torque, readings, (*told, *more))
+    return Noises(torque, readings, (*reported, *more))
 
 
 def _torque(fit: Fit, *, in_rpm: bool) -> Swallowed | None:

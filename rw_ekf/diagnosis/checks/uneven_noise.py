@@ -128,13 +128,13 @@ def noise_findings(fit: Fit, facts: RecordFacts) -> dict[Source, NoiseFinding]:
     seen, draws = _slopes(fit, windows, used)
     alone = list(islice(draws, _FEW))
     few = np.array(alone)
-    asked = [i for i in range(len(_SOURCES)) if _p_values(seen[i], few[:, i])[0].min() <= _WORTH_MORE]
-    if not asked:
+    wanted = [i for i in range(len(_SOURCES)) if _p_values(seen[i], few[:, i])[0].min() <= _WORTH_MORE]
+    if not wanted:
         return {}
     alone += islice(draws, _DRAWS - _FEW)
     many = np.array(alone)
     found = {
-        _SOURCES[i]: _finding(fit, facts, windows, used, _SOURCES[i], _p_values(seen[i], many[:, i])) for i in asked
+        _SOURCES[i]: _finding(fit, facts, windows, used, _SOURCES[i], _p_values(seen[i], many[:, i])) for i in wanted
     }
     return {source: finding for source, finding in found.items() if finding is not None}
 

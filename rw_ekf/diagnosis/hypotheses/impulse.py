@@ -30,9 +30,9 @@ _PLACES, _CELLS = 600, 8_000_000  # in a record, at which several are sought; of
 _MOST = 12  # of these
 
 
-def likeliest_impulse(profiled: Profiled, asked: Iterable[Ground], begins_s: float, ends_s: float) -> Nameless | None:
+def likeliest_impulse(profiled: Profiled, wanted: Iterable[Ground], begins_s: float, ends_s: float) -> Nameless | None:
     """The likeliest torque within one interval, about what lasts from one time to another; None if that is long."""
-    ground, length = _timed(asked), ends_s - begins_s
+    ground, length = _timed(wanted), ends_s - begins_s
     if length > _BRIEF_S or ground is None:
         return None
     ended = profiled.fit.linearised.record.course.time_s
@@ -133,9 +133,9 @@ def _refined(profiled: Profiled, i: int, ground: Ground, rows: list[int], moves:
     return rows
 
 
-def _timed(asked: Iterable[Ground]) -> Ground | None:
+def _timed(wanted: Iterable[Ground]) -> Ground | None:
     """A torque over time; where a wheel turns one way, and none is asked, a drag."""
-    timed = {ground.acts_as: ground for ground in asked if ground.quantity == "time"}
+    timed = {ground.acts_as: ground for ground in wanted if ground.quantity == "time"}
     return timed.get("torque", timed.get("drag"))
 
 

@@ -51,10 +51,10 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
     taken = {term.law.number for term in fit.model.terms if term.law is not None}
     # Else a law of the speed, which holds at any time, goes first.
     found, has_a_clock = [], not one_and_the_same(fit, "time", "speed")
-    asked = [*grounds(fit, facts, columns)]
+    wanted = [*grounds(fit, facts, columns)]
     # Where it turns one way none is asked: a torque is a drag.
-    torques = any(ground.quantity == "time" and ground.acts_as == "torque" for ground in asked)
-    for ground in asked:
+    torques = any(ground.quantity == "time" and ground.acts_as == "torque" for ground in wanted)
+    for ground in wanted:
         if ground.quantity == "time":
             spell = likeliest_spell(profiled, ground, facts)
             found += [] if spell is None else [spell]
@@ -66,7 +66,7 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
         law = _angle_law(profiled, ground) if ground.turned is not None else _smooth_law(profiled, ground)
         if law is not None and law.term.law is not None and law.term.law.number not in taken:
             found.append(law)
-    return sorted(_briefest(profiled, asked, _of_either_direction(found)), key=lambda item: -item.weight)
+    return sorted(_briefest(profiled, wanted, _of_either_direction(found)), key=lambda item: -item.weight)
 
 
 def _of_either_direction(found: list[Nameless]) -> list[Nameless]:
@@ -82,10 +82,10 @@ def _of_either_direction(found: list[Nameless]) -> list[Nameless]:
     return [item for item in found if item is not left_out]
 
 
-def _briefest(profiled: Profiled, asked: Sequence[Ground], found: list[Nameless]) -> list[Nameless]:
+def _briefest(profiled: Profiled, wanted: Sequence[Ground], found: list[Nameless]) -> list[Nameless]:
     """The same with an impulse in the place of spells about it that are not clearly likelier: other words for it."""
     spell = max((item for item in found if item.term.effect is SPELL), key=lambda item: item.weight, default=None)
-    impulse = None if spell is None else likeliest_impulse(profiled, asked, *spell.times_s)
+    impulse = None if spell is None else likeliest_impulse(profiled, wanted, *spell.times_s)
     if impulse is None:
         return found
     begins_s, ends_s = impulse.times_s

@@ -22,7 +22,7 @@ from rw_ekf.model.effect import RecordFacts, Term
 _SIZES = (1.5, 60.0)  # of the smallest that matters
 _WORTH_MORE = 2.0  # gain in log-likelihood at a first look
 _FITTED, _NEAR = 5, 6.0  # orders that are fitted in full: so many, within this of the best
-_LEAST_TOLD = 0.02  # probability of an order that is told
+_LEAST_REPORTED = 0.02  # probability of an order that is told
 
 
 @dataclass(frozen=True)
@@ -114,5 +114,5 @@ def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple
     others = [(probabilities[other], its, its_std) for other, (_, its, its_std) in standing.items()]
     at = next(at for term, at in fit.model.placed if term.id == name)
     return fit.widened_over(at, (size, std), others), {
-        other: p for other, p in probabilities.items() if p > _LEAST_TOLD
+        other: p for other, p in probabilities.items() if p > _LEAST_REPORTED
     }

@@ -55,7 +55,7 @@ def by_likeliest_law(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> Fit:
     return max([fit, *fits], key=lambda item: item.likelihood.value)
 
 
-def with_laws_asked_again(fit: Fit, names: Iterable[str], facts: RecordFacts) -> Fit:
+def with_laws_tried_again(fit: Fit, names: Iterable[str], facts: RecordFacts) -> Fit:
     """The fit, or a likelier one by other laws of effects that were there before the last one entered.
 
     Alone the straight line of a law may do a part of what another effect does.

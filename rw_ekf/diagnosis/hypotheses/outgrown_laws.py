@@ -43,9 +43,9 @@ def laws_left_behind(prepared: Prepared, effects: EffectSet) -> LeftBehind:
         for law, words in laws.items():
             if (ground.quantity, ground.acts_as, ground.column) != (law.quantity, law.acts_as, law.column):
                 continue
-            asked = structure(fit, _slopes_beyond(law, ground))
-            if asked.p_value is not None and asked.p_value < UNDOUBTED_P:
-                most = max(most, asked.statistic)
+            wanted = structure(fit, _slopes_beyond(law, ground))
+            if wanted.p_value is not None and wanted.p_value < UNDOUBTED_P:
+                most = max(most, wanted.statistic)
                 left.append(
                     f"{words}, where it is no longer what it is at its edge: it was put aside (the figures before are "
                     "without it), and sought anew"

@@ -31,7 +31,7 @@ from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.state import PARAMETER_COUNT
 
-_LEAST_TOLD = 0.02
+_LEAST_REPORTED = 0.02
 
 
 def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]]:
@@ -54,7 +54,7 @@ def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]
     for number, place in enumerate(places):
         others = [(odds[law] / total, *_known(item, _places(item, name)[number])) for law, item in fits.items()]
         wider = wider.widened_over(slice(place, place + 1), _known(fit, place), others)
-    return wider, {law: p for law, p in probabilities.items() if p > _LEAST_TOLD}
+    return wider, {law: p for law, p in probabilities.items() if p > _LEAST_REPORTED}
 
 
 def _places(fit: Fit, name: str) -> list[int]:
@@ -136,7 +136,7 @@ def beside_a_walk(found: Found, advance: Advance) -> Found:
 
 def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advance) -> Found:
     """What stands when the ledger has grown on by another search, if that leaves no structure; else as it was."""
-    ledger = replace(found.ledger.unasked(), facts=prepared.facts)
+    ledger = replace(found.ledger.unasked_for(), facts=prepared.facts)
     selection = replace(found.selection, final=found.ledger.base, rivals={})
     other = _searched(prepared, search, ledger, selection, advance)
     return other if other.new_ids and not other.left else found

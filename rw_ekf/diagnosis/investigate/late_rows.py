@@ -26,7 +26,7 @@ _EARLIER = {1.0: "before each row", 0.5: "from half a row earlier on"}  # by sha
 _OR_MEAN = "; if a controller that is faster than the log goes on between rows, log the mean of its current over them"
 
 
-def said_of_late_rows(found: Found) -> str:
+def sentence_about_late_rows(found: Found) -> str:
     """A sentence for the front of a verdict, or nothing.
 
     A speed that is the mean over the row before it, as counts make it, is half a row late: beside a current that is a

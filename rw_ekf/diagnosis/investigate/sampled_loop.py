@@ -60,15 +60,15 @@ def answer_of(current_A: Float64Array, noise_rad_s: Float64Array, segment: Int64
     free[1:-1] = change[1:] & change[:-1] & (segment[2:] == segment[:-2])
     free &= (current_A < current_A.max()) & (current_A > current_A.min())
     current, noise = (values[1:-1] - 0.5 * (values[:-2] + values[2:]) for values in (current_A, noise_rad_s))
-    told = free[1:-1] & free[:-2] & free[2:] & np.isfinite(noise)
-    if told.sum() < _FEWEST:
+    reported = free[1:-1] & free[:-2] & free[2:] & np.isfinite(noise)
+    if reported.sum() < _FEWEST:
         return Answer(0.0, math.inf, free)
-    told &= np.abs(current) < _GROSS * _MEDIAN * float(np.median(np.abs(current[told])))
-    squares = float(noise[told] @ noise[told])
-    if told.sum() < _FEWEST or not squares > 0.0:
+    reported &= np.abs(current) < _GROSS * _MEDIAN * float(np.median(np.abs(current[reported])))
+    squares = float(noise[reported] @ noise[reported])
+    if reported.sum() < _FEWEST or not squares > 0.0:
         return Answer(0.0, math.inf, free)
-    along = float(noise[told] @ current[told]) / squares
-    left = current[told] - along * noise[told]
+    along = float(noise[reported] @ current[reported]) / squares
+    left = current[reported] - along * noise[reported]
     return Answer(-along, math.sqrt(_OVERLAP * float(np.mean(left**2)) / squares), free)
 
 
@@ -93,7 +93,7 @@ def between_rows(prepared: Prepared) -> tuple[Fit, float] | None:
     return fit, found
 
 
-def said_of_sampled_loop(found: Found) -> str:
+def stated_of_sampled_loop(found: Found) -> str:
     """A sentence for the front of a verdict, or nothing."""
     prepared = found.prepared
     if prepared.source.log.command_delay_s.any():  # who logs these knows when a command takes force

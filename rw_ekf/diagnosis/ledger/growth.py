@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.hypotheses.other_starts import (
     by_likeliest_law,
     in_deepest_valleys,
     lower_valley,
-    with_laws_asked_again,
+    with_laws_tried_again,
 )
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
@@ -204,7 +204,7 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
             ledger = ledger.with_rows([lower])
             continue
         fit = by_likeliest_law(row.fit, fit, name, search.facts)
-        fit = with_laws_asked_again(fit, row.effects, search.facts)
+        fit = with_laws_tried_again(fit, row.effects, search.facts)
         fit = search.with_open_speed(likelier_along_filter(fit, row.fit, fit.model))
         refused = next((check.decision for check in of_size(search, fit, name) if check.decision is not None), None)
         if refused is not None:

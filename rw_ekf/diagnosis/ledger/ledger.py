@@ -21,7 +21,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import OF_SPEED
 
-_MOST_TOLD = 8  # rows that a document has, whatever became of them
+_MOST_REPORTED = 8  # rows that a document has, whatever became of them
 _ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
 
 Key = frozenset[tuple[str, float, int]]
@@ -116,7 +116,7 @@ class Ledger:
         rows = (replace(row, checks=(*row.checks, *checks)) if row.key == key else row for row in self.rows)
         return replace(self, rows=tuple(rows))
 
-    def unasked(self) -> Ledger:
+    def unasked_for(self) -> Ledger:
         """With what no row was asked yet: whatever a check stands on has changed."""
         return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
 
@@ -131,7 +131,7 @@ class Ledger:
                 "as_one_by_construction": row.constructed, "checks": [check.document() for check in row.checks],
             }
             for number, row in enumerate(self.rows)
-            if number < _MOST_TOLD or row.checks or row.key in (key, bare)
+            if number < _MOST_REPORTED or row.checks or row.key in (key, bare)
         ]  # fmt: skip
 
     def in_place(self, chosen: Row, name: str) -> list[tuple[str, Row]]:

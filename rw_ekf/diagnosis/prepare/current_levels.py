@@ -203,7 +203,7 @@ def at_levels(base: Fit, levels: Levels, delay_s: Float64Array) -> Fit:
     return fit_model(at.problem._replace(record=record), Start(at.model, at.trajectory, at.noise))
 
 
-def said_of(levels: Levels, gain: float, *, in_rpm: bool) -> str:
+def sentence_about(levels: Levels, gain: float, *, in_rpm: bool) -> str:
     """A sentence on a current that was taken at its levels; gain: in log-likelihood."""
     size = f"{number_text(1e3 * levels.noise_A, 2)} mA" if in_rpm else f"{number_text(levels.noise_A, 2)} A (or N, V)"
     if np.mean(levels.of_row >= 0) < _MOSTLY:

@@ -13,7 +13,7 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.checking.choices import SplitKind
 from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, is_logged, with_conditions
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, limits_of, said_of
+from rw_ekf.diagnosis.prepare.current_levels import Levels, at_levels, levels_of, limits_of, sentence_about
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Split, reversals, split_record
 from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
@@ -169,7 +169,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         if gain > math.log(UNDOUBTED_P):
             base, current, record = fit, levels.current_A, fit.problem.record
             course = record.course
-            notes += (said_of(levels, gain, in_rpm=in_rpm),)
+            notes += (sentence_about(levels, gain, in_rpm=in_rpm),)
         else:
             levels = None
     if not turned:

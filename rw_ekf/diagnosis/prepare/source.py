@@ -46,7 +46,7 @@ class Source:
     parts: tuple[dict[str, Any], ...]  # of each log: its name, samples, rate, where it begins in the joint time
     samples: int  # rows that were read
     rate_hz: float
-    said_first: str  # sentences in front of the verdict, or nothing
+    first_remark: str  # sentences in front of the verdict, or nothing
     notes: tuple[str, ...]
     timing_doubt_s: float  # by which a reading may be older than its row says
     columns: tuple[str, ...] = ()  # of the log, that the course has and a law may be a function of
@@ -82,8 +82,8 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
     for log, sampling in zip(logs, seen, strict=True):
         of = f"{log.name}: " if several else ""
         notes += [of + text for text in sampling.remarks()]
-        if sampling.said_first:
-            first.append(of + sampling.said_first)
+        if sampling.first_remark:
+            first.append(of + sampling.first_remark)
     parts = tuple(part | {"samples": len(log)} for part, log in zip(whole.parts, logs, strict=True))
     doubts = [s.period_s for s in seen if s.refresh_s is not None]
     log = whole.log
@@ -97,7 +97,7 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
         parts=parts,
         samples=sum(len(one) for one in logs),
         rate_hz=log.rate_hz if several else logs[0].rate_hz,
-        said_first="".join(first),
+        first_remark="".join(first),
         notes=(*notes, *whole.notes),
         timing_doubt_s=max(doubts, default=0.0),
         columns=columns,

@@ -147,8 +147,8 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
         )
         return f"The model lacks something that this log does not settle, perhaps {perhaps}"
     if kind == "unexplained" or not effects:
-        told = list(document.get("shapes") or ())[:1] or list(document.get("swallowed") or ())[:1]
-        left = "".join(f": {item['sentence']}" for item in told)
+        reported = list(document.get("shapes") or ())[:1] or list(document.get("swallowed") or ())[:1]
+        left = "".join(f": {item['sentence']}" for item in reported)
         return f"The model lacks something that no effect of the catalogue explains{left}" if statement else ""
     named = effects[0] if len(effects) == 1 else f"{', '.join(effects[:-1])} and {effects[-1]}"
     free_run = next((pair for pair in figure_pairs(document, units) if pair.key == "free_run_rms_rpm"), None)

@@ -19,8 +19,8 @@ from rw_ekf.model.law import OF_SPEED, Law
 
 _LEAST_P = 0.01
 _NUMBER_COSTS = 2.0  # log, of each number that is fitted: as far apart as a grid's neighbours are
-_LEAST_TOLD = 0.05
-_MOST_TOLD = 3
+_LEAST_REPORTED = 0.05
+_MOST_REPORTED = 3
 _LETTERS = {
     "speed": "omega", "speed_size": "|omega|", "current_along_motion": "current", "current_size": "|current|",
     "time": "t",
@@ -57,9 +57,11 @@ def readings(law: Law, values: tuple[float, ...], covariance: Float64Array) -> l
     top = max(weight for weight, _ in best.values())
     shares = {family: math.exp(weight - top) for family, (weight, _) in best.items()}
     total = sum(shares.values())
-    ranked = sorted(best, key=lambda family: -shares[family])[:_MOST_TOLD]
+    ranked = sorted(best, key=lambda family: -shares[family])[:_MOST_REPORTED]
     return [
-        Formula(best[family][1], shares[family] / total) for family in ranked if shares[family] >= _LEAST_TOLD * total
+        Formula(best[family][1], shares[family] / total)
+        for family in ranked
+        if shares[family] >= _LEAST_REPORTED * total
     ]
 
 

@@ -25,11 +25,11 @@ from rw_ekf.model.effect_kinds import LawEffect, WanderingEffect
 from rw_ekf.numbers import chance_text, number_text, plus_minus
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
-_TOLD = ("free_run_rms_rpm", "horizon_20s_rms_rpm", "one_step_rms_rpm")  # the first of these that there is
-_TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
+_REPORTED = ("free_run_rms_rpm", "horizon_20s_rms_rpm", "one_step_rms_rpm")  # the first of these that there is
+_REPORTED_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _SURE = 0.95  # probability of an order beside which no other is told
-_ORDERS_TOLD = 4
-_REPEATS_TOLD = 3  # ripples, or torques with a period, the largest
+_ORDERS_REPORTED = 4
+_REPEATS_REPORTED = 3  # ripples, or torques with a period, the largest
 _BLURRED = 0.25  # share by which squared errors held out grow for want of knowledge, and which is told
 
 
@@ -56,7 +56,7 @@ def noise_text(found: Found) -> str:
     unit = "rad/s (or m/s)"
     if found.prepared.in_rpm:
         sigma, wander, unit = rpm_from_rad_s(sigma), rpm_from_rad_s(wander), "rpm"
-    if noise.ratio < _TOLD_RATIO:
+    if noise.ratio < _REPORTED_RATIO:
         return f"{sigma:.3g} {unit}"
     return f"{sigma:.3g} {unit}, and a torque noise that moves the speed by {wander:.2g} in a second"
 
@@ -70,16 +70,16 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
         return effect.sentence_of_pieces([item.term for item in terms], walk.rate, facts)
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
-    told = terms[:_REPEATS_TOLD] if effect.repeats else terms
-    text = "; ".join(_said_once([item.term.sentence(item.covariance, facts) + _as_read(item) for item in told]))
-    if more := len(terms) - len(told):
+    described = terms[:_REPEATS_REPORTED] if effect.repeats else terms
+    text = "; ".join(_each_once([item.term.sentence(item.covariance, facts) + _as_read(item) for item in described]))
+    if more := len(terms) - len(described):
         text += f"; and {more} smaller one{'s' * (more > 1)}"
     # A bristle's length and damping do the same where all of its motion is slow: that there is one is known, no more.
     unsettled = not effect.linear and len(terms) == 1 and not fit.knows(name, LEAST_SIGMAS)
     return f"{text} (it is missed without it; how large it is, this record does not settle)" if unsettled else text
 
 
-def _said_once(sentences: list[str]) -> list[str]:
+def _each_once(sentences: list[str]) -> list[str]:
     """The same, with words in brackets that all of them end with behind the last alone."""
     tails = {text[text.rfind(" (") :] if text.endswith(")") else "" for text in sentences}
     tail = tails.pop() if len(tails) == 1 else ""
@@ -149,8 +149,8 @@ def or_another_order(found: Found, name: str) -> str:
     if max(found.orders.values(), default=1.0) > _SURE:
         return " (without a logged angle its phase is this record's: another one begins elsewhere in the turn)"
     listed = [f"{order:g} ({chance_text(probability)})" for order, probability in found.orders.items()]
-    more = f" and {len(listed) - _ORDERS_TOLD} others" if len(listed) > _ORDERS_TOLD else ""
-    return f" (without a logged angle its order may be {', '.join(listed[:_ORDERS_TOLD])}{more})"
+    more = f" and {len(listed) - _ORDERS_REPORTED} others" if len(listed) > _ORDERS_REPORTED else ""
+    return f" (without a logged angle its order may be {', '.join(listed[:_ORDERS_REPORTED])}{more})"
 
 
 def separation(group: list[str], posterior: dict[str, float], selection: Selection) -> str:
@@ -172,7 +172,7 @@ def separation(group: list[str], posterior: dict[str, float], selection: Selecti
 def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
     """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
     telling = telling_figure(before, after)
-    for key in _TOLD:
+    for key in _REPORTED:
         if before.get(key) is None or after.get(key) is None or (telling is not None and key != telling):
             continue
         old, new, words = before[key], after[key], ERRORS[key]

@@ -84,8 +84,8 @@ def verdict_on(shown: Evidence) -> Verdict:
     elif shown.failed:
         beside = "" if shown.noisy is None else f"; and {shown.noisy}"
         text = (
-            f"What is left is not noise: {_told(shown.failed)}{beside}. No effect of the catalogue explains it; the "
-            "estimates may be off by more than their sigmas say."
+            f"What is left is not noise: {_reported(shown.failed)}{beside}. No effect of the catalogue explains it; "
+            "the estimates may be off by more than their sigmas say."
         )
     elif shown.noisy is not None and elsewhere > 0.5:
         text = f"What is left is not noise as it should be: {shown.noisy}. No effect of the catalogue explains it."
@@ -185,7 +185,7 @@ def _gained(shown: Evidence, names: list[str]) -> str:
 def _what_is_left(shown: Evidence) -> str:
     left = shown.found.left
     some = [f"some dependence on {left[0].name} is left"] if left else []
-    some += [f"what is left is not noise: {_told(shown.failed)}"] if shown.failed else []
+    some += [f"what is left is not noise: {_reported(shown.failed)}"] if shown.failed else []
     some += [shown.noisy] if shown.noisy is not None else []
     return ", and ".join(some) or _nothing_is_left(shown)
 
@@ -205,15 +205,15 @@ def _another_record(found: Found, names: list[str]) -> str:
     """Which record would show whether what goes with time, or the speed, does, where this one has the two as one."""
     timed = any(is_smooth_in_time(CATALOGUE[name]) for name in names)
     laws = any(law.quantity in OF_SPEED for law in found.fit.model.sought_laws)
-    asked: tuple[Quantity, ...] = _CONFUSED_WITH_TIME if timed else ("speed",) if laws else ()
-    other = next((other for other in asked if one_and_the_same(found.fit, "time", other)), None)
+    wanted: tuple[Quantity, ...] = _CONFUSED_WITH_TIME if timed else ("speed",) if laws else ()
+    other = next((other for other in wanted if one_and_the_same(found.fit, "time", other)), None)
     if other is None:
         return ""
     way, what = separates(other), "time" if timed else "the speed"
     return f" {way[:1].upper()}{way[1:]} would show whether it goes with {what} at all."
 
 
-def _told(failed: Mapping[str, float]) -> str:
+def _reported(failed: Mapping[str, float]) -> str:
     """`it is correlated in time (p = 1e-71), and its mean is not zero (p = 2e-05)`."""
     return ", and ".join(f"{words} ({p_text(p)})" for words, p in failed.items())
 
@@ -252,12 +252,12 @@ def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float
     groups: list[list[str]] = []
     for name in chosen:
         constructed = selection.one_by_construction(name)
-        told = {other for group in groups for other in group} & constructed
+        described = {other for group in groups for other in group} & constructed
         rivals = [
             rival.name
             for rival in selection.rivals.get(name, ())
             if posterior.get(rival.name, 0.0) >= LEAST_POSTERIOR or rival.name in constructed
-            if rival.name not in chosen and rival.name not in told
+            if rival.name not in chosen and rival.name not in described
         ]
         if rivals:
             rivals.sort(key=lambda other: -posterior.get(other, 0.0))

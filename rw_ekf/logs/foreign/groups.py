@@ -71,7 +71,7 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
     if not groups:
         raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
     own = [group for group in groups if group.channels.keys() >= OWN_COLUMNS]
-    if len(own) == 1 and all(column is None or column in own[0].channels for column in _asked(columns)):
+    if len(own) == 1 and all(column is None or column in own[0].channels for column in _wanted(columns)):
         return _table(name, _of_all_rows(own[0]), own[0])  # its own time is the one that counts, not when it was told
     if len(groups) == 1:
         return _table(name, _alone(groups[0]), groups[0])
@@ -141,18 +141,18 @@ def _joined(groups: list[Group], base: Group, columns: ColumnMap) -> dict[str, A
     assert base.time_s is not None
     places = {f"{g.name}.{key}": (g, key) for g in groups for key in g.channels if len(g.channels[key]) == g.rows}
     clock = _clock(places)
-    asked = [column for column in _asked(columns) if column is not None]
-    every = not asked or any(column != clock and column not in places for column in asked)
+    wanted = [column for column in _wanted(columns) if column is not None]
+    every = not wanted or any(column != clock and column not in places for column in wanted)
     joined: dict[str, Any] = {clock: base.time_s}
     for name, (group, key) in places.items():
         if group is base:
             joined[name] = group.channels[key]
-        elif (every or name in asked or key in READABLE_COLUMNS) and group.time_s is not None:
+        elif (every or name in wanted or key in READABLE_COLUMNS) and group.time_s is not None:
             joined[name] = held_at(base.time_s, group.time_s, group.channels[key])
     return joined
 
 
-def _asked(columns: ColumnMap) -> list[str | int | None]:
+def _wanted(columns: ColumnMap) -> list[str | int | None]:
     return [column for source in columns.sources.values() for column in (source.column, source.sign_of)]
 
 

@@ -32,16 +32,16 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         keys = [key for key in file if not key.startswith("#")] if wanted is None or wanted not in file else [wanted]
         opaque = {key: _class_of(file[key]) for key in keys if _is_opaque(file[key])}
         content = {key: _value(file, file[key], 0) for key in keys if key not in opaque}
-        content |= {said: text for key in content for said, text in _attributes(key, file[key]).items()}
+        content |= {stated: text for key in content for stated, text in _attributes(key, file[key]).items()}
         content |= _attributes("", file)
         if columns.variable is not None and wanted in file:
             content = {columns.variable: content[wanted]} if wanted in content else {}
-    said = "; ".join(_how_to_save(key, kind) for key, kind in opaque.items())
+    stated = "; ".join(_how_to_save(key, kind) for key, kind in opaque.items())
     if opaque and (not content or columns.variable in opaque):
-        raise LogError(f"{name}: {said}")
+        raise LogError(f"{name}: {stated}")
     table = table_of_variables(content, name, columns.variable, columns.layout)
     if opaque:
-        table.warnings.append(f"{name}: {said}; the other variables were read")
+        table.warnings.append(f"{name}: {stated}; the other variables were read")
     return table
 
 
@@ -54,7 +54,7 @@ def _value(file: Any, item: Any, depth: int) -> Any:
     if isinstance(item, h5py.Group):
         fields = {key: _value(file, item[key], depth + 1) for key in item}
         if not _class_of(item):
-            fields |= {said: text for key in list(fields) for said, text in _attributes(key, item[key]).items()}
+            fields |= {stated: text for key in list(fields) for stated, text in _attributes(key, item[key]).items()}
         return _struct(_elements(fields) if _is_struct_array(item) else [fields])
     if _is_opaque(item) or item.attrs.get("MATLAB_empty", 0) or item.shape is None:
         return np.empty((0, 0))
@@ -80,11 +80,11 @@ def _attributes(key: str, item: Any) -> dict[str, Any]:
     found: dict[str, Any] = {}
     between = "_" if hasattr(item, "dtype") else "."
     fields = getattr(getattr(item, "dtype", None), "names", None) or ()
-    for said, value in item.attrs.items():
+    for stated, value in item.attrs.items():
         if len(fields) == np.size(value) > 1:
-            found |= {f"{key}.{field}_{said}": np.asarray(each) for field, each in zip(fields, value, strict=True)}
-        elif "MATLAB" not in said:
-            found[f"{key}{between}{said}".lstrip("_.")] = np.asarray(value)
+            found |= {f"{key}.{field}_{stated}": np.asarray(each) for field, each in zip(fields, value, strict=True)}
+        elif "MATLAB" not in stated:
+            found[f"{key}{between}{stated}".lstrip("_.")] = np.asarray(value)
     return found
 
 

@@ -30,12 +30,12 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     if torn is not None and not reader.topics:
         raise torn
     if reader.left_out and not reader.topics:
-        raise LogError(f"{name}: holds nothing but {reader.said()}: JSON and ROS messages can be read")
+        raise LogError(f"{name}: holds nothing but {reader.stated()}: JSON and ROS messages can be read")
     table = table_of_groups([topic.group() for topic in reader.topics.values()], columns, name)
     if torn is not None:
         table.warnings.append(f"{name}: is damaged or cut off ({torn}): what stands before that was read")
     if reader.left_out:
-        table.warnings.append(f"{name}: {reader.said()} cannot be decoded and were left out")
+        table.warnings.append(f"{name}: {reader.stated()} cannot be decoded and were left out")
     return table
 
 
@@ -70,7 +70,7 @@ class _Reader:
                 return error
         return None
 
-    def said(self) -> str:
+    def stated(self) -> str:
         """Topics that cannot be decoded."""
         return ", ".join(f"{topic} ({encoding or 'no encoding'})" for topic, encoding in self.left_out.items())
 

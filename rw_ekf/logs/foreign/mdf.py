@@ -75,8 +75,8 @@ def _pack(groups: list[Group], stream: BinaryIO) -> None:
     for group in groups:
         names.append([group.name, group.time_s is not None, list(group.channels), group.units, group.remarks])
         arrays += [*([] if group.time_s is None else [group.time_s]), *group.channels.values()]
-    said = np.frombuffer(json.dumps(names).encode(), dtype=np.uint8)
-    np.savez(stream, said, *arrays)  # type: ignore[arg-type]
+    stated = np.frombuffer(json.dumps(names).encode(), dtype=np.uint8)
+    np.savez(stream, stated, *arrays)  # type: ignore[arg-type]
 
 
 def _unpacked(stream: BinaryIO) -> list[Group]:
@@ -111,8 +111,10 @@ def _group(file: Any, number: int) -> Group:
 
 
 def _name(group: Any, number: int) -> str:
-    said = [str(getattr(group, key, "") or "").strip() for key in ("acq_name", "comment")]
-    return next((text for text in said if text and len(text) <= _LONGEST_NAME and "\n" not in text), f"group {number}")
+    stated = [str(getattr(group, key, "") or "").strip() for key in ("acq_name", "comment")]
+    return next(
+        (text for text in stated if text and len(text) <= _LONGEST_NAME and "\n" not in text), f"group {number}"
+    )
 
 
 def _signal(file: Any, number: int, index: int) -> Any:

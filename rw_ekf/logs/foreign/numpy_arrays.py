@@ -24,12 +24,12 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         held = np.load(stream, allow_pickle=False)
         arrays = {"array": held} if isinstance(held, np.ndarray) else _arrays(held, objects)
     content = {column: values for key, array in arrays.items() for column, values in _columns(key, array).items()}
-    said = f"{', '.join(objects)}: an object of Python, which is not unpacked, for that could run anything"
+    stated = f"{', '.join(objects)}: an object of Python, which is not unpacked, for that could run anything"
     if objects and not content:
-        raise LogError(f"{name}: holds nothing but {said}: save its arrays by name, np.savez(file, t=t, speed=speed)")
+        raise LogError(f"{name}: holds nothing but {stated}: save its arrays by name, np.savez(file, t=t, speed=speed)")
     table = table_of_variables(content, name, columns.variable, columns.layout)
     if objects:
-        table.warnings.append(f"{name}: left out {said}")
+        table.warnings.append(f"{name}: left out {stated}")
     return table
 
 

@@ -34,7 +34,7 @@ class _Text:
         self.at += 1
         return self.lines[self.at - 1]
 
-    def said(self, *keys: str) -> tuple[str, str]:
+    def stated(self, *keys: str) -> tuple[str, str]:
         """Key and value of the next line that is not empty, `# rows: 3`. Raises ValueError if it has none of these."""
         while not (line := self.line()).strip():
             pass
@@ -69,16 +69,16 @@ def variables(written: str) -> dict[str, Any]:
     content: dict[str, Any] = {}
     text.to_next_name()
     while text.at < len(text.lines):
-        key, content[key] = text.said("name")[1], _value(text)
+        key, content[key] = text.stated("name")[1], _value(text)
         text.to_next_name()
     return {key: value for key, value in content.items() if value is not None}
 
 
 def _value(text: _Text) -> Any:
     """The value whose type is told next; None for one of another type."""
-    kind = text.said("type")[1].removeprefix("global ")
+    kind = text.stated("type")[1].removeprefix("global ")
     if kind in ("string", "sq_string"):
-        return np.array([_string(text) for _ in range(int(text.said("elements")[1]))])
+        return np.array([_string(text) for _ in range(int(text.stated("elements")[1]))])
     if kind.endswith("range"):
         text.line()  # base, limit, increment
         base, limit, step, *_ = text.numbers(1)[0]
@@ -87,16 +87,16 @@ def _value(text: _Text) -> Any:
             raise ValueError(f"a range of {points} numbers")
         return base + step * np.arange(points)
     if kind == "cell":
-        shape = int(text.said("rows")[1]), int(text.said("columns")[1])
+        shape = int(text.stated("rows")[1]), int(text.stated("columns")[1])
         cells = np.empty(shape[::-1], dtype=object)  # stored column by column
         for place in np.ndindex(cells.shape):
-            text.said("name")
+            text.stated("name")
             cells[place] = _value(text)
         return cells.T
     if kind == "scalar struct":
-        text.said("ndims")
+        text.stated("ndims")
         text.numbers(1)
-        fields = [(text.said("name")[1], _value(text)) for _ in range(int(text.said("length")[1]))]
+        fields = [(text.stated("name")[1], _value(text)) for _ in range(int(text.stated("length")[1]))]
         struct = np.empty((1, 1), dtype=[(key, object) for key, _ in fields])
         for key, value in fields:
             struct[key][0, 0] = value
@@ -106,15 +106,15 @@ def _value(text: _Text) -> Any:
         return None
     if not kind.endswith("matrix"):
         return text.numbers(1)
-    key, count = text.said("rows", "ndims")
+    key, count = text.stated("rows", "ndims")
     if key == "rows":  # a line for each
-        return text.numbers(int(count)) if int(text.said("columns")[1]) else None
+        return text.numbers(int(count)) if int(text.stated("columns")[1]) else None
     shape = text.numbers(1)[0].astype(int)
     return text.numbers(int(np.prod(shape))).reshape(shape, order="F")
 
 
 def _string(text: _Text) -> str:
-    size = int(text.said("length")[1])
+    size = int(text.stated("length")[1])
     line = text.line()
     while len(line) < size:  # it has line ends
         line += f"\n{text.line()}"

@@ -18,7 +18,7 @@ from rw_ekf.logs.header_rows import with_names
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
-from rw_ekf.logs.settings_beside import beside, told, without
+from rw_ekf.logs.settings_beside import beside, reported, without
 from rw_ekf.logs.text_cells import CELL, TextLayout, split_cells
 from rw_ekf.logs.text_layout import NEARLY_ALL, layout_of
 
@@ -29,7 +29,7 @@ _EPOCH, _DAY_0 = datetime.datetime(1970, 1, 1), datetime.datetime(1899, 12, 31)
 _STAMPS = (datetime.date, datetime.time, datetime.timedelta)
 _FORM = re.compile(r"\s*[\[(]?\b[ymdhs]{1,4}(?:[-/.:, T]+[ymdhs0f]{1,4})+[\])]?$", re.IGNORECASE)  # hh:mm:ss.000
 _HEADER_WITHIN = 200  # rows
-_SAID = 100  # rows of a sheet without a table
+_STATED = 100  # rows of a sheet without a table
 _BELOW = 3  # rows under a header that are looked at
 _PLAIN = TextLayout()
 
@@ -57,7 +57,7 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
             f"{name}: {len(found)} sheets hold tables ({', '.join(found)}): name one (`variable` in the column map)"
         )
     table = _table(next(iter(found.values())), name, columns)
-    beside = (row for sheet, rows in held.items() if sheet not in found for _, row in rows[:_SAID])
+    beside = (row for sheet, rows in held.items() if sheet not in found for _, row in rows[:_STATED])
     table.preamble = (*table.preamble, *map(_line, beside))
     return table
 
@@ -105,7 +105,7 @@ def _share_of_numbers(row: list[Any]) -> float:
 def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> RawTable:
     settings = beside([row for _, row in rows], lambda cell: _number(cell) is not None)
     if settings is not None:
-        preset = [text for _, row in rows[: settings.last + 1] if (text := told(row, settings))]
+        preset = [text for _, row in rows[: settings.last + 1] if (text := reported(row, settings))]
         table = _table([(number, without(row, settings)) for number, row in rows], name, columns)
         table.preamble = (*table.preamble, *preset)
         return table
@@ -125,8 +125,8 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
             for column in filled]  # fmt: skip
     kept = tuple(names[column] for column in filled)
-    said = layout.preamble if above else [_as_text(row, width) for _, row in rows[:first]]
-    preamble = tuple(" ".join(filter(None, split_cells(line, CELL))) for line in said)
+    stated = layout.preamble if above else [_as_text(row, width) for _, row in rows[:first]]
+    preamble = tuple(" ".join(filter(None, split_cells(line, CELL))) for line in stated)
     table = RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
     table.remarks = {name: text for name, text in zip(names, layout.remarks, strict=False) if name and text}
     if left_out:

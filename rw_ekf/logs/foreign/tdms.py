@@ -53,9 +53,9 @@ def _group(
 ) -> tuple[Group, np.datetime64 | None]:
     """Times from the waveform's step [s], or from a channel of time stamps, or from one that is called time."""
     channels = {channel.name: channel[:] for channel in held}
-    said = {channel.name: unit_and_remark(_further(channel.properties)) for channel in held}
-    units = {key: unit for key, (unit, _) in said.items() if unit}
-    remarks = {key: remark for key, (_, remark) in said.items() if remark}
+    stated = {channel.name: unit_and_remark(_further(channel.properties)) for channel in held}
+    units = {key: unit for key, (unit, _) in stated.items() if unit}
+    remarks = {key: remark for key, (_, remark) in stated.items() if remark}
     if step_s is not None and step_s > 0.0:
         time_s = (offset_s or 0.0) + step_s * np.arange(len(held[0]))
         begun = None if start is None else np.datetime64(start, "us")

@@ -194,8 +194,8 @@ def point(name: str, tags: Mapping[str, str], fields: Mapping[str, Any], stamp_n
     known = [f"{_key(key)}={_value(value)}" for key, value in fields.items() if value is not None]
     if not known:
         return None
-    told = "".join(f",{_key(key)}={_key(value)}" for key, value in tags.items())
-    return f"{_key(name)}{told} {','.join(known)} {stamp_ns}\n".encode()
+    reported = "".join(f",{_key(key)}={_key(value)}" for key, value in tags.items())
+    return f"{_key(name)}{reported} {','.join(known)} {stamp_ns}\n".encode()
 
 
 def _key(text: str) -> str:

@@ -40,13 +40,13 @@ class McapRecorder:
         self._began_ns = self._try_at_ns = 0  # of the part: its first tick
         self._rows = 0
         self._closed = False
-        self._file.add([(EVENT, _told(self._records.first))], self._records.now_ns())
+        self._file.add([(EVENT, _reported(self._records.first))], self._records.now_ns())
 
     def write(self, tick: Tick) -> None:
         """Append what a tick brought. Raises OSError."""
         record = self._records.of(tick)
         self._in_part(record)
-        messages = [(EVENT, _told(event)) for event in record.events]
+        messages = [(EVENT, _reported(event)) for event in record.events]
         if record.sample is not None and record.estimate is not None:
             messages = [(SAMPLE, record.sample), (ESTIMATE, record.estimate), *messages]
             self._rows += 1
@@ -69,7 +69,7 @@ class McapRecorder:
         self._closed = True
         record = self._records.end()
         with contextlib.suppress(OSError):
-            self._file.add([(EVENT, _told(record.events[0]))], record.stamp_ns)
+            self._file.add([(EVENT, _reported(record.events[0]))], record.stamp_ns)
         self._close_part()
         if not self._rows:
             self._file.path.unlink(missing_ok=True)
@@ -152,7 +152,7 @@ _LOG = {  # https://docs.foxglove.dev/docs/sdk/schemas/log, and the event as it 
 }
 
 
-def _told(event: dict[str, Any]) -> dict[str, Any]:
+def _reported(event: dict[str, Any]) -> dict[str, Any]:
     """An event as a line of a log."""
     moment = datetime.fromisoformat(event["utc"])
     words = [event.get(key) for key in ("state", "name", "scheme", "text", "reason")]

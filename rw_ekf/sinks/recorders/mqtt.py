@@ -108,9 +108,9 @@ class MqttRecorder:
 
     def _state_text(self, instead: str | None) -> str:
         now = self._state
-        told = {} if now is None or instead is not None else {"since_utc": now.since_utc, "reason": now.reason}
+        reported = {} if now is None or instead is not None else {"since_utc": now.since_utc, "reason": now.reason}
         state = instead or (None if now is None else now.state.value)
-        return json.dumps({"state": state, "wheel": self._run.wheel, **told})
+        return json.dumps({"state": state, "wheel": self._run.wheel, **reported})
 
     def _connected(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:
         if not reason.is_failure:

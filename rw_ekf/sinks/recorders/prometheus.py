@@ -191,5 +191,5 @@ def _lines(family: Family) -> Iterator[str]:
     name = f"rw_ekf_{family.name}"
     yield f"# HELP {name} {family.meaning}\n# TYPE {name} {family.kind}\n"
     for suffix, labels, value in known:
-        told = ",".join(f'{key}="{text.translate(_ESCAPED)}"' for key, text in labels.items())
-        yield f"{name}{suffix}{f'{{{told}}}' if told else ''} {float(value)!r}\n"
+        reported = ",".join(f'{key}="{text.translate(_ESCAPED)}"' for key, text in labels.items())
+        yield f"{name}{suffix}{f'{{{reported}}}' if reported else ''} {float(value)!r}\n"

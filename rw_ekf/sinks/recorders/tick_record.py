@@ -137,8 +137,8 @@ class TickRecords:
         return wheel_ns + self._offset_ns
 
     def _sample(self, sample: WheelSample, tick: Tick) -> dict[str, Any]:
-        told = replace(sample, segment=sample.segment + self._breaks) if self._breaks else sample
-        return dict(zip(LOG_COLUMNS, map(_finite, sample_values(told, tick.command)), strict=True))
+        reported = replace(sample, segment=sample.segment + self._breaks) if self._breaks else sample
+        return dict(zip(LOG_COLUMNS, map(_finite, sample_values(reported, tick.command)), strict=True))
 
     def _estimate(self, estimate: Estimate) -> dict[str, Any]:
         test = estimate.innovation

@@ -50,8 +50,8 @@ def test_after_learning_in_one_direction_the_other_is_compensated_at_once() -> N
     wheel.run(Mrac(SHEET, SLOW), lambda t: request if t > 60.0 else 0.0, 130.0)
     speed = np.array(wheel.speeds)[620:]
     assert speed[0] > 0.0 > speed[-1]
-    asked = speed[0] + request * 0.1 * np.arange(speed.size)
-    assert np.abs(speed - asked).max() < 0.05
+    wanted = speed[0] + request * 0.1 * np.arange(speed.size)
+    assert np.abs(speed - wanted).max() < 0.05
 
 
 def test_the_learned_friction_is_limited() -> None:

@@ -32,12 +32,12 @@ def compensator(
 ) -> WheelCompensator:
     used = PARAMETER_NAMES if entry.parameters_from == "estimator" else ()
     trust = ParameterTrust(used, SHEET.stribeck, start_trusted=False)
-    said = notes if notes is not None else []
-    terms = Terms(LIMIT_A, FADE_S, forbidden, lambda event, **context: said.append(context))
+    stated = notes if notes is not None else []
+    terms = Terms(LIMIT_A, FADE_S, forbidden, lambda event, **context: stated.append(context))
     return WheelCompensator(entry, SHEET, lambda tick: request_rad_s2, trust, terms)
 
 
-def asked(made: WheelCompensator, tick: Tick) -> float:
+def wanted(made: WheelCompensator, tick: Tick) -> float:
     """The current of a turn, told at its end as the loop does."""
     current_A = made(tick)
     made.compensating(tick.state)
@@ -46,7 +46,7 @@ def asked(made: WheelCompensator, tick: Tick) -> float:
 
 def settled(made: WheelCompensator) -> float:
     """The current once it is faded in; the next turn is at 5.0 s."""
-    return [asked(made, turn(0.1 * i)) for i in range(50)][-1]
+    return [wanted(made, turn(0.1 * i)) for i in range(50)][-1]
 
 
 def test_faded_in_it_is_the_scheme_s_own_current() -> None:
@@ -57,7 +57,7 @@ def test_faded_in_it_is_the_scheme_s_own_current() -> None:
 def test_it_fades_in_without_a_jump() -> None:
     """The first turn has the request's current alone, and no turn adds more than a twentieth of the limit."""
     made = compensator()
-    currents = [asked(made, turn(0.1 * i)) for i in range(40)]
+    currents = [wanted(made, turn(0.1 * i)) for i in range(40)]
     assert currents[0] == 0.3 / 15.0
     assert max(b - a for a, b in itertools.pairwise(currents)) <= LIMIT_A * 0.1 / FADE_S + 1e-12
 
@@ -67,10 +67,10 @@ def test_off_at_once_in_every_other_state_and_faded_in_again(state: RunState) ->
     """The very turn that says DEGRADED, LOST, SAFE or CONNECTING asks for the request's current alone."""
     made = compensator()
     settled(made)
-    assert asked(made, turn(5.0, state)) == 0.3 / 15.0
+    assert wanted(made, turn(5.0, state)) == 0.3 / 15.0
     assert not made.compensating(state_of(state)).on
-    assert asked(made, turn(5.1)) - 0.3 / 15.0 <= LIMIT_A * 0.1 / FADE_S + 1e-12
-    later = [asked(made, turn(5.2 + 0.1 * i)) for i in range(30)]
+    assert wanted(made, turn(5.1)) - 0.3 / 15.0 <= LIMIT_A * 0.1 / FADE_S + 1e-12
+    later = [wanted(made, turn(5.2 + 0.1 * i)) for i in range(30)]
     assert later[-1] == pytest.approx((0.3 + 0.58 + 0.03) / 15.2)
 
 
@@ -78,7 +78,7 @@ def test_off_at_once_where_the_filter_is_not_well() -> None:
     """Trouble of the filter ends it in the turn in which it is noticed, whatever the state is called."""
     made = compensator()
     settled(made)
-    assert asked(made, turn(5.0, health=DIVERGED)) == 0.3 / 15.0
+    assert wanted(made, turn(5.0, health=DIVERGED)) == 0.3 / 15.0
 
 
 def test_a_turn_that_asks_for_no_current_ends_it_too() -> None:
@@ -97,7 +97,7 @@ def test_nothing_before_the_sign_is_confirmed() -> None:
     made = compensator(forbidden=lambda: why[0])
     assert settled(made) == 0.3 / 15.0
     why[0] = None
-    assert [asked(made, turn(5.0 + 0.1 * i)) for i in range(50)][-1] > 0.05
+    assert [wanted(made, turn(5.0 + 0.1 * i)) for i in range(50)][-1] > 0.05
 
 
 def test_each_change_is_said_once() -> None:
@@ -108,9 +108,9 @@ def test_each_change_is_said_once() -> None:
     shown += [(RunState.DEGRADED, ALL), (RunState.TRACKING, ALL)]
     for i, (state, valid) in enumerate(shown):
         for j in range(10):
-            asked(made, turn(i + 0.1 * j, state, valid=valid))
-    told = [(note["on"], note["parameters"]) for note in notes]
-    assert told == [
+            wanted(made, turn(i + 0.1 * j, state, valid=valid))
+    reported = [(note["on"], note["parameters"]) for note in notes]
+    assert reported == [
         (False, "nothing"),  # CONNECTING
         (False, "nothing"),  # nothing that can be trusted is known
         (True, "filter"),
@@ -136,7 +136,7 @@ def test_no_scheme_gets_beyond_the_limit(gives: float | None, request_rad_s2: fl
     """Whatever a scheme says, or if it fails: within limit_A of the request's own current."""
     made = compensator(SchemeEntry("wild", "", lambda sheet: Wild(gives)), request_rad_s2)
     for i in range(40):
-        current_A = asked(made, turn(0.1 * i, speed=speed))
+        current_A = wanted(made, turn(0.1 * i, speed=speed))
         assert abs(current_A - request_rad_s2 / 15.0) <= LIMIT_A * (1.0 + 1e-9)
 
 
@@ -167,7 +167,7 @@ def test_a_scheme_begins_anew_after_it_was_off() -> None:
 
     made = compensator(SchemeEntry("counted", "", make))
     for i in range(10):
-        asked(made, turn(0.1 * i))
-    asked(made, turn(1.0, RunState.DEGRADED))
-    asked(made, turn(1.1))
+        wanted(made, turn(0.1 * i))
+    wanted(made, turn(1.0, RunState.DEGRADED))
+    wanted(made, turn(1.1))
     assert len(made_of) == 2

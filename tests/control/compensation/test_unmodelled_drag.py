@@ -103,9 +103,9 @@ def lag(noise: SpeedNoise | None, extra: float) -> float:
     """How far a wheel with more friction than is believed stays behind the momentum asked of it, through a reversal."""
     wheel = BareWheel(coulomb((1.0 + extra) * COULOMB), speed=6.0)
     wheel.run(PredictiveCrossing(10.0, noise), lambda time_s: -0.2, 60.0)
-    asked = 6.0 - 0.2 * DT * np.arange(1, len(wheel.speeds) + 1)
-    asked_s = np.diff(np.array(wheel.speeds) - asked)[100:]  # once it has been seen
-    return float(np.abs(np.cumsum(asked_s)).max())
+    wanted = 6.0 - 0.2 * DT * np.arange(1, len(wheel.speeds) + 1)
+    wanted_s = np.diff(np.array(wheel.speeds) - wanted)[100:]  # once it has been seen
+    return float(np.abs(np.cumsum(wanted_s)).max())
 
 
 def test_predictive_control_is_free_of_offset() -> None:

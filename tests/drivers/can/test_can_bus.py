@@ -128,7 +128,7 @@ def test_a_daemon_on_a_bus_that_goes_off_is_lost_says_why_and_tracks_again(tmp_p
         ran = run(bench, 3.0, (1.0, lambda: bench.send(off)))
         lost = ran.notes.states.index("LOST")
         assert ran.notes.states[lost : lost + 3] == ["LOST", "CONNECTING", "TRACKING"]
-        (reason,) = [c["reason"] for e, c in ran.notes.said if e == "link_lost"]
+        (reason,) = [c["reason"] for e, c in ran.notes.stated if e == "link_lost"]
         assert "bus-off" in reason
         assert ran.outcome.link.trouble is None
         assert ran.outcome.link.reconnects == 1

@@ -26,8 +26,8 @@ def test_a_run_from_outside_with_faults_ends_with_zero(tmp_path: Path) -> None:
         with program("run", "--config", config, "--json") as daemon:
 
             def state() -> str | None:
-                told = rw_ekf("status", "--config", config, "--json")
-                return json.loads(told.stdout)["state"] if told.returncode in (0, 3) else None
+                reported = rw_ekf("status", "--config", config, "--json")
+                return json.loads(reported.stdout)["state"] if reported.returncode in (0, 3) else None
 
             wait_for(lambda: state() == "TRACKING", 60.0)
             time.sleep(max(begun_s + 22.0 - time.monotonic(), 2.0))

@@ -125,8 +125,8 @@ def test_a_sign_that_is_wrong_where_the_current_is_written_is_named(
     serve: Callable[[Map], Bench], tmp_path: Path, confirmed_by: str
 ) -> None:
     """Telemetry tells the opposite of each command, whatever confirms it: that is the reason, and it is never taken."""
-    told = {"speed": "State.Omega", confirmed_by: "State.Iq"}
-    content = changed(telemetry=told, command=INLINE["command"] | {"confirmed_by": confirmed_by})
+    reported = {"speed": "State.Omega", confirmed_by: "State.Iq"}
+    content = changed(telemetry=reported, command=INLINE["command"] | {"confirmed_by": confirmed_by})
     bench = serve(content)
     drive = next(message for message in content["messages"] if message["name"] == "Drive")
     drive["signals"][0]["scale"] = -1.0
