@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.prepare.current_levels import read_with
 from rw_ekf.diagnosis.prepare.preparation import Prepared
@@ -40,6 +40,7 @@ _SHARE, _MOST = 0.1, 2.0  # of the torque noise, that one reading's noise makes:
 _FALLS, _RISES = 0.85, 1.03  # to what the torque noise falls and the readings' rises, were it so
 
 
+@by_identity
 class Answer(NamedTuple):
     """How a current answers the noise of the reading in its row."""
 
