@@ -244,7 +244,7 @@ def main() -> int:
             write_json(args.json, so_far, args.seed)
 
     with tempfile.TemporaryDirectory(prefix="rw-ekf-proof-") as directory:
-        job = Job(args.diagnosis, not args.no_reported, directory if args.tty else None, args.speed_factor)
+        job = Job(args.diagnosis, not args.no_told, directory if args.tty else None, args.speed_factor)
         records = prove_all(cases, job, args.jobs, keep)
     keep(records)
     if args.markdown:
