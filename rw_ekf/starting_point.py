@@ -33,6 +33,7 @@ from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.version import __version__
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.model_file import WheelModel
+from rw_ekf.wheel.momentary_friction import variance_of_known_shapes
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 if TYPE_CHECKING:
@@ -299,15 +300,17 @@ def model_of(
 def _with_considered(setup: FilterSetup, covariance: Float64Array) -> Float64Array:
     """A filter's covariance (4 + m, 4 + m) with what its effects' shapes make of the numbers, x_k of eq. 7a.
 
-    A filter begins with that in its variances, and learns as if the shapes were known: as far as it has learned, it
-    comes on top.
+    A filter begins with that in its variances, and learns as if the shapes were known: as much of it comes on top as
+    makes the variances those of an estimate.
     """
     ways = np.array([way.numbers for way in setup.effects.considered])
     if ways.size == 0:
         return covariance
-    began = np.diag(setup.prior.known(setup.effects.size)[1])
-    learned = np.sqrt(np.maximum(1.0 - np.diag(covariance) / began, 0.0))
-    ways = ways * learned
+    began, now = np.diag(setup.prior.known(setup.effects.size)[1]), np.diag(covariance)
+    follows = np.sum(ways**2, axis=0)
+    known = np.array(list(map(variance_of_known_shapes, now.tolist(), began.tolist(), follows.tolist())))
+    more = np.divide(known + follows - now, follows, out=np.zeros_like(now), where=follows > 0.0)
+    ways = ways * np.sqrt(np.maximum(more, 0.0))
     return np.asarray(covariance + ways.T @ ways)
 
 

@@ -129,6 +129,22 @@ class _Law(Section):
         )  # fmt: skip
 
 
+def _unknown_constants(constants: Mapping[str, float], effect: type[Effect]) -> list[Mistake]:
+    """Names that no shape constant of an effect has."""
+    names = [constant.name for constant in effect.constants]
+    return [
+        (("constants", key), f"is not a constant of {effect.id}; {suggestion(key, names)}")
+        for key in constants
+        if key not in names
+    ]
+
+
+def _shape_of(constants: Mapping[str, float], effect: type[Effect]) -> Shape:
+    """Shape constants by name, in the order of the effect; 0 where there is none."""
+    numbers = (*(constants.get(constant.name, 0.0) for constant in effect.constants), 0.0, 0.0, 0.0)
+    return numbers[0], numbers[1], numbers[2]
+
+
 class _Entry(Section):
     """One coefficient of an effect, with the shape constants that it enters with."""
 
@@ -168,11 +184,7 @@ class _Entry(Section):
         if not low <= found.value <= high:
             words = f"is {found.value:g}; {self.effect} allows {low:g} to {high:g}"
             mistakes.append((("coefficient", "value"), words))
-        known = [constant.name for constant in effect.constants]
-        for key in self.constants:
-            if key not in known:
-                words = f"is not a constant of {self.effect}; {suggestion(key, known)}"
-                mistakes.append((("constants", key), words))
+        mistakes += _unknown_constants(self.constants, effect)
         faults = ((constant.name, self._fault(constant)) for constant in effect.constants)
         refuse([*mistakes, *((("constants", name), fault) for name, fault in faults if fault is not None)])
         return self
@@ -190,9 +202,7 @@ class _Entry(Section):
     @property
     def term(self) -> Term:
         """The same as a filter has it."""
-        effect = self._kind
-        numbers = [self.constants.get(constant.name, 0.0) for constant in effect.constants]
-        shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
+        effect, shape = self._kind, _shape_of(self.constants, self._kind)
         law = None if self.law is None else self.law.law(0)
         return Term(effect, (self.coefficient.value,), (self.coefficient.std,), shape, law=law)
 
@@ -205,12 +215,7 @@ class _Off(Section):
 
     def mistakes(self, at: tuple[Any, ...], term: Term) -> list[Mistake]:
         """What of it does not go with a term."""
-        names = [constant.name for constant in term.effect.constants]
-        found: list[Mistake] = [
-            ((*at, "constants", key), f"is not a constant of {term.id}; {suggestion(key, names)}")
-            for key in self.constants
-            if key not in names
-        ]
+        found = [((*at, *place), words) for place, words in _unknown_constants(self.constants, term.effect)]
         if self.curve and (term.law is None or len(self.curve) != CURVE_POINTS):
             known = f"a law's has {CURVE_POINTS}" if term.law is not None else f"{term.id} has no law"
             found.append(((*at, "curve"), f"has {len(self.curve)} numbers; {known}"))
@@ -218,8 +223,7 @@ class _Off(Section):
 
     def off(self, term: Term) -> Off:
         """The same in the order of the term's constants."""
-        by = (*(self.constants.get(constant.name, 0.0) for constant in term.effect.constants), 0.0, 0.0, 0.0)
-        return Off((by[0], by[1], by[2]), tuple(self.curve))
+        return Off(_shape_of(self.constants, term.effect), tuple(self.curve))
 
 
 class _Direction(Section):

@@ -105,12 +105,12 @@ def variance_of_known_shapes(now: float, began: float, followed: float) -> float
     """The variance that a filter would have by now had it begun with the shapes known (docs/filter.md eq. 7b).
 
     It began with what shapes make of the numbers in its variance, `followed`, and has learned since: information adds
-    up. Where a number that drifts is known worse than at first, the share of the shapes in it is what it was.
+    up. Of a number that drifts, and is known worse than at first, what the shapes make of it is in the variance still.
     """
     known = began - followed
     if not (now > 0.0 and known > 0.0):
         return 0.0
-    return 1.0 / (1.0 / known + 1.0 / now - 1.0 / began) if now < began else now * known / began
+    return 1.0 / (1.0 / known + 1.0 / now - 1.0 / began) if now < began else now - followed
 
 
 @by_identity

@@ -191,3 +191,8 @@ def test_the_file_that_a_run_leaves_counts_it_too() -> None:
     left = np.array(model_of(known, setup, {}).covariance)
     follows = np.array(effects.considered[0].numbers)
     assert np.allclose(left, 1.0e-6 * belief.covariance[1:6, 1:6] + np.outer(follows, follows), rtol=1e-5, atol=1e-12)
+    half = Belief(belief.mean, 0.3 * belief.covariance, belief.effect_ids)
+    began, now, shape = belief.covariance[5, 5], 0.3 * belief.covariance[5, 5], 0.01**2
+    by_hand = 1.0 / (1.0 / (began - shape) + 1.0 / now - 1.0 / began) + shape
+    assert model_of(half, setup, {}).covariance[4][4] == pytest.approx(by_hand, rel=1e-9)
+    assert model_of(half, setup, {}).effects.terms[0].stds[0] == pytest.approx(math.sqrt(by_hand), rel=1e-9)
