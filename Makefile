@@ -25,12 +25,13 @@ $(RUNTIME): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
 		{ echo "$(PYTHON) is not Python 3.11, 3.12 or 3.13"; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
-	@$(BIN)/python -m compileall -q rw_ekf drivers  # else, where Python may write none, 0.2 s of every start
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e .
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m tools.write_bytecode
 	@touch $@
 
 $(INSTALLED): $(RUNTIME)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e '.[dev]'
+	@$(BIN)/python -m compileall -q -j 0 $(VENV)/lib rw_ekf drivers tools || true  # some packages carry files of no Python
 	@touch $@
 
 install: $(INSTALLED)
