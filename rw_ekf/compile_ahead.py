@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rw_ekf.compiled import Kernel
 
 FILTER = ("rw_ekf.filter.kernel:filter_pass",)
-EFFECTS = ("rw_ekf.filter.kernel:filter_pass_with_effects",)
+EFFECTS = ("rw_ekf.course.acting_temperature:follow_pass", "rw_ekf.filter.kernel:filter_pass_with_effects")
 LEAST_SQUARES = ("rw_ekf.course.free_run:run_free",)
 SMOOTHER = ("rw_ekf.filter.smoother:smooth_pass",)
 _ONE_STEP = ("rw_ekf.likelihood.one_step:one_step_pass",)

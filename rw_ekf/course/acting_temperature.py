@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import sys
+from typing import Any
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.wheel.interval import UNREAD, warmed
+from rw_ekf.compiled import Kernel
+from rw_ekf.wheel import interval as _interval
+from rw_ekf.wheel.interval import UNREAD, Body, warmed
 
 AHEAD_SIGMA = 0.5  # of the temperature's range, by which a body may be ahead where a log begins amid a cycle
 
@@ -21,15 +25,29 @@ def acting_temperature(
     and begins anew where another clock does. Rows whose time does not go forward count for nothing, as they do to the
     filter. NaN before the first reading.
     """
-    found = np.empty(time_s.size)
-    body, last_s, part = UNREAD._replace(acts=math.nan, acted=math.nan), -math.inf, None
-    rows = zip(time_s.tolist(), segment.tolist(), read_degC.tolist(), strict=True)
-    for i, (now_s, now_part, now_degC) in enumerate(rows):
-        if now_part != part or now_s > last_s:
+    acts = np.empty(time_s.size)
+    nobody_knows = UNREAD._replace(acts=math.nan, acted=math.nan)
+    follow_pass(time_s, segment, read_degC, float(lag_s), float(ahead_K), nobody_knows, acts)
+    return acts
+
+
+def _follow(time_s: Any, segment: Any, read_degC: Any, lag_s: float, ahead_K: float, body: Body, acts: Any) -> None:
+    """Fill `acts` (n,), from the body before the first row."""
+    counts = 0  # the last row that does
+    for i in range(time_s.size):
+        same_clock = i > 0 and segment[i] == segment[counts]
+        if not same_clock or time_s[i] > time_s[counts]:
             unknown = math.isnan(body.acts)
-            body = warmed(body, now_degC, now_s - last_s if math.isfinite(last_s) else 1.0, lag_s)
+            body = warmed(body, read_degC[i], time_s[i] - time_s[counts], lag_s)
             if unknown:
-                body = body._replace(acts=body.acts + ahead_K, acted=body.acted + ahead_K)
-            last_s, part = now_s, now_part
-        found[i] = body.acts
-    return found
+                body = Body(body.acts + ahead_K, body.read, body.acted + ahead_K, body.since_s)
+            counts = i
+        acts[i] = body.acts
+
+
+def _example() -> tuple[Any, ...]:
+    series = np.zeros(0)
+    return series, np.zeros(0, np.int64), series, 0.0, 0.0, UNREAD, series
+
+
+follow_pass = Kernel(_follow, [_interval, sys.modules[__name__]], _example)
