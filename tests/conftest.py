@@ -88,4 +88,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     Groups with a slow test, of which one process has the whole, then slow tests, then groups, then all others.
     """
     if hasattr(config, "workerinput"):
+        for item in items:
+            if item.get_closest_marker("xdist_group") is None and _shares_with_its_module(item):
+                item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
         items.sort(key=lambda item: [item.get_closest_marker(name) is None for name in ("slow", "xdist_group")])
+
+
+def _shares_with_its_module(item: pytest.Item) -> bool:
+    """Whether it takes what is made once for all tests of its file, which each process would make for itself."""
+    assert isinstance(item, pytest.Function)
+    of_file = item.nodeid.partition("::")[0]
+    made = (fixtures[-1] for fixtures in item._fixtureinfo.name2fixturedefs.values())
+    return any(fixture.scope == "module" and fixture.baseid == of_file for fixture in made)

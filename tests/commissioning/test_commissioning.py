@@ -263,6 +263,8 @@ def test_a_limit_beyond_the_map_is_told_before_anybody_agrees(tmp_path: Path) ->
         assert made.watched.writes == 0
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("commissioning")
 def test_a_signal_while_the_model_is_made_keeps_the_motion_and_the_next_call_makes_it(broken_off: BrokenOff) -> None:
     """SIGTERM at the first word of the diagnosis: Stopped, no current was written, then it comes to its end."""
     progress = broken_off.made.work.progress
