@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from rw_ekf.logs.time_text import is_odd_stamp
 MARKS = ("\t", ";", ",", "|")  # that stand between cells
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 CELL = "\x1f"  # as a delimiter: cells stood apart from each other, as those of a sheet, and none can be missing
+_REMEMBERED = 4096  # cells: while a layout is sought, each is asked about some ten times
 MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
@@ -80,7 +82,9 @@ class TextLayout:
 
     def cells(self, line: str) -> list[str]:
         """The cells of a line, without the blanks around them; none of what cannot be cut."""
-        line = _MINUS.sub("-", _BETWEEN_THOUSANDS.sub("", self.form.row(line, self.delimiter)))
+        line = self.form.row(line, self.delimiter)
+        if "'" in line or not line.isascii():  # else it has neither, and looking for them takes half of the time
+            line = _MINUS.sub("-", _BETWEEN_THOUSANDS.sub("", line))
         if self.delimiter != ";" and line.endswith(";"):
             line = line.rstrip("; ")  # the end of a statement, or of a matrix's row
         return split_cells(line, self.delimiter)
@@ -157,6 +161,7 @@ def is_stated_gap(cell: str) -> bool:
     return cell.lower() not in _QUIET and _NO_VALUE.fullmatch(cell) is None
 
 
+@functools.lru_cache(_REMEMBERED)
 def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number, or a word that stands where one may."""
     if not cell:
@@ -167,6 +172,7 @@ def is_number(cell: str, decimal: str) -> bool:
     return bool(_COMMA_NUMBER.fullmatch(cell)) if decimal == "," else bool(_GROUPED.fullmatch(cell))
 
 
+@functools.lru_cache(_REMEMBERED)
 def is_stamp(cell: str) -> bool:
     """Whether a cell is a date or a time of day."""
     plain = bool(STAMP.fullmatch(cell)) and not cell.replace(".", "").isdigit()
