@@ -58,10 +58,6 @@ def _saturating(w: float, t: float) -> float:
     return 0.45 + 0.0011 * w + 0.25 * math.tanh(w / 60.0)
 
 
-def _root(w: float, t: float) -> float:
-    return 0.4 + 0.0008 * w + 0.012 * math.sqrt(max(w, 0.0))
-
-
 def _logarithm(w: float, t: float) -> float:
     return 0.5 + 0.001 * w + 0.12 * math.log1p(max(w, 0.0) / 20.0)
 
@@ -84,7 +80,7 @@ def test_what_begins_and_ends_amid_a_drag_that_has_no_name_has_its_times_and_its
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("drag", [_saturating, _root, _logarithm, _power])
+@pytest.mark.parametrize("drag", [_saturating, _power])
 def test_a_drag_that_has_no_name_is_a_law_of_the_speed_and_its_curve_is_known(drag: Drag) -> None:
     """No drift, no Stribeck speed of a thousand rpm, no square less a cube: what goes with time and speed is drag."""
     moving = int(np.argmax(coast_down(drag, 31, start=380.0, samples=9000).speed_rad_s < 1.0))

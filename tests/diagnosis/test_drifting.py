@@ -34,13 +34,12 @@ def changed(first: PlantParameters, second: PlantParameters, seed: int) -> Wheel
     )
 
 
-@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("what", "kind"), [("viscous", "viscous_drag"), ("offset_rad_s2", "torque")])
-def test_a_change_of_something_else_is_no_drift_of_dry_friction(what: str, kind: str, seed: int) -> None:
+def test_a_change_of_something_else_is_no_drift_of_dry_friction(what: str, kind: str) -> None:
     """Viscous friction that trebles, or a torque of 8 % that sets in, is told with its time and its size."""
     wheel = PlantParameters()
     size = {"viscous": 2.0 * wheel.viscous, "offset_rad_s2": 0.08 * wheel.coulomb}[what]
-    log = changed(wheel, wheel._replace(**{what: getattr(wheel, what) + size}), seed)
+    log = changed(wheel, wheel._replace(**{what: getattr(wheel, what) + size}), 2)
     document = diagnose_log(log).document()
     assert document["verdict"]["effects"] == ["change"], document["verdict"]["statement"]
     found = next(item for item in document["candidates"] if item["effect"] == "change")["parameters"]

@@ -167,7 +167,7 @@ def test_a_model_with_a_law_of_time_and_hidden_states_is_a_base_for_the_next_log
     assert prepared.setup.prior.mean.size == prepared.setup.effects.table().size == size
 
 
-@pytest.mark.parametrize("seed", [21, 22, 23, 24])
+@pytest.mark.parametrize("seed", [21, 22])
 def test_a_healthy_wheel_is_given_no_law(seed: int) -> None:
     """Although voltage and pressure are logged, and go up and down."""
     diagnosis = diagnose_log(Nameless("healthy", seed).log())
@@ -175,11 +175,9 @@ def test_a_healthy_wheel_is_given_no_law(seed: int) -> None:
     assert np.isnan(diagnosis.verdict["posterior"].get("learned_law", np.nan))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_friction_that_grows_with_speed_is_no_break_away_below_coulomb_friction(seed: int) -> None:
+def test_friction_that_grows_with_speed_is_no_break_away_below_coulomb_friction() -> None:
     """Another Stribeck curve would do, were a wheel easier to start than to keep going: that is refused."""
-    document = diagnose_log(Nameless("friction grows early", seed).log()).document()
+    document = diagnose_log(Nameless("friction grows early", 1).log()).document()
     assert "stribeck_shape" not in document["verdict"]["effects"]
     wanted = [check for row in document["ledger"] for check in row["checks"] if "break-away" in check["check"]]
     assert all(check["value"] > 10.0 and not check["passed"] for check in wanted)

@@ -25,12 +25,7 @@ SEED = 1
 
 # One of each kind; numbers are those of `python -m tools.proof.prove --list`.
 REDUCED = (
-    "id-1rpm-000",  # offset_torque
-    "id-1rpm-002",  # quadratic_drag
-    "id-1rpm-005",  # coulomb_temperature
-    "id-1rpm-010",  # transport_delay
-    "id-1rpm-013",  # torque_ripple
-    "id-1rpm-014",  # drag_spike
+    "id-1rpm-014",  # drag_spike; every effect at one size in tests/wheel/test_walk.py
     "p12-1rpm-000",  # offset_torque on P1
     "healthy-000",  # identification
     "healthy-001",  # P1

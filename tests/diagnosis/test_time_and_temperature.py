@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import pytest
@@ -39,11 +40,16 @@ def test_a_periodic_torque_is_named_beside_a_temperature_that_only_rises() -> No
     assert {"viscous_temperature", "external_torque"} <= set(found.verdict["effects"]), found.verdict["statement"]
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_a_torque_that_begins_and_stays_is_a_change(seed: int) -> None:
+@functools.cache
+def begun() -> Diagnosis:
+    """The diagnosis of a torque that begins and stays, made once."""
+    return diagnosed(wheel_log(3, torque=lambda t: 0.1 * COULOMB if t > 250.0 else 0.0))
+
+
+@pytest.mark.xdist_group("begun")
+def test_a_torque_that_begins_and_stays_is_a_change() -> None:
     """A spell has an end, which this record does not show; a curve over time is no rival of a step."""
-    found = diagnosed(wheel_log(seed, torque=lambda t: 0.1 * COULOMB if t > 250.0 else 0.0))
-    assert found.verdict["effects"] == ["change"], found.verdict["statement"]
+    assert begun().verdict["effects"] == ["change"], begun().verdict["statement"]
 
 
 def brown_out(begins_s: float) -> WheelLog:
@@ -68,10 +74,10 @@ def test_a_filter_follows_what_its_model_does_not_know() -> None:
     assert any("what the model given does not know" in text for text in run.warnings)
 
 
+@pytest.mark.xdist_group("begun")
 def test_a_change_in_the_model_hides_no_other_in_the_next_record() -> None:
     """What came and stayed is an offset there, and the next step is told as one."""
-    first = diagnosed(wheel_log(3, torque=lambda t: 0.1 * COULOMB if t > 250.0 else 0.0))
-    assert first.verdict["effects"] == ["change"]
+    first = begun()
     stayed = wheel_log(12, torque=lambda t: 0.1 * COULOMB)
     assert diagnosed(stayed, first.model).verdict["kind"] == "adequate"
     another = wheel_log(13, torque=lambda t: (0.1 if t < 300.0 else 0.25) * COULOMB)
