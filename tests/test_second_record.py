@@ -81,11 +81,10 @@ def test_a_model_that_the_log_contradicts_is_said_to_and_counts_for_less() -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 2])
-def test_break_away_under_a_lagging_friction_is_known_no_better_than_it_is(number: int) -> None:
+def test_break_away_under_a_lagging_friction_is_known_no_better_than_it_is() -> None:
     """Its jump is no slope for a fit and no certainty for a filter: it was 47 and 8 to 145 of its sigmas off."""
-    effect = f"friction_lag:time_constant_s={(0.155839, 0.0, 0.202511)[number]}"
-    first, second = (run_log(simulated([effect], seed=seed)) for seed in (52_865 + number, 1_267_444 + number))
+    effect = "friction_lag:time_constant_s=0.155839"
+    first, second = (run_log(simulated([effect], seed=seed)) for seed in (52_865, 1_267_444))
     found = diagnose_log(first)
     assert found.verdict["effects"] == ["friction_lag"]
     assert found.model is not None

@@ -11,7 +11,6 @@ from rw_ekf.attitude_bench.scenario import Scenario
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("noise_rpm", [1.0, 5.0])
 @pytest.mark.parametrize(
     ("scheme", "at_most"),
     [
@@ -23,7 +22,7 @@ pytestmark = pytest.mark.slow
         ("sliding_mode", 0.01),
     ],
 )
-def test_the_peak_at_the_reversal_as_a_ratio_to_the_current_mode(scheme: str, at_most: float, noise_rpm: float) -> None:
-    """1.458 deg without compensation."""
-    peak_deg = metrics_of(run_entry(Entry(scheme, noise_rpm, 1), Scenario(), {})).peak_deg
+def test_the_peak_at_the_reversal_as_a_ratio_to_the_current_mode(scheme: str, at_most: float) -> None:
+    """1.458 deg without compensation; readings of 5 rpm of noise."""
+    peak_deg = metrics_of(run_entry(Entry(scheme, 5.0, 1), Scenario(), {})).peak_deg
     assert peak_deg < at_most * 1.458
