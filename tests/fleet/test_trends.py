@@ -208,7 +208,9 @@ def test_level_rate_and_remaining_time_hold_what_they_say(walk: float) -> None:
         wander = walk * np.cumsum(rng.standard_normal(days + after)) / np.sqrt(365.25)
         true = 0.6 * (1.0 + rate * np.arange(days + after) / 365.25 + wander)
         seen = true[:days] + 0.003 * rng.standard_normal(days)
-        wheels.append(replace(wheel_days(seen, 0.002), wheel=f"W{number:03d}"))
+        days_of_wheel = wheel_days(seen, 0.002)
+        unknown = {name: np.full(days, np.nan) for name in days_of_wheel.values if name != "coulomb"}  # else four alike
+        wheels.append(replace(days_of_wheel, wheel=f"W{number:03d}", values={**days_of_wheel.values, **unknown}))
         courses.append(true)
         rates.append(0.6 * rate)
     off: list[list[float]] = [[], []]
