@@ -16,7 +16,7 @@ _LARGE = PlantParameters(motor_gain=2.3, viscous=0.018, coulomb=0.103, static=0.
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("deflection_rad", "seed"), [(0.0, 1), (0.01, 5), (0.1, 8)])
+@pytest.mark.parametrize(("deflection_rad", "seed"), [(0.0, 1), (0.01, 5), (0.03, 1), (0.1, 8)])
 def test_a_bristle_is_named_where_nothing_else_leaves_noise(deflection_rad: float, seed: int) -> None:
     """A large wheel read to 0.3 rpm: without a bristle adequate, with one it is named, and nothing beside it.
 
