@@ -18,6 +18,7 @@ class Reason(Enum):
     UNTESTABLE = "not testable: {}"
     NOT_SIGNIFICANT = "not significant"
     TOO_SMALL = "too small to matter"
+    UNKNOWN_SIZE = "of a size that the record does not settle"
     IMPOSSIBLE = "of a size that no machine has"
     NOT_BESIDE_MOTION = "nothing beside smooth laws of the motion"
     WAITS = "nothing beside a smooth effect of the {}"
@@ -29,6 +30,9 @@ class Reason(Enum):
     EXPLAINED = "explained by {}"
     ALIKE = "indistinguishable from {}"
     LOOKS_LIKE = "looks like {}"
+
+
+SMALL_OR_UNKNOWN = frozenset({Reason.TOO_SMALL, Reason.UNKNOWN_SIZE})  # refused, however sure that it is there
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.checks.checks import Check
+from rw_ekf.diagnosis.checks.checks import Check, of_size
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.learned_laws import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Selection
@@ -126,6 +126,21 @@ def test_the_row_that_stands_has_passed_every_check_and_says_so() -> None:
     assert all(check["passed"] for check in row["checks"])
     assert len(wanted) == len(set(wanted)) == 12
     assert [name for _, name in wanted][-2:] == ["held-out figures"] * 2
+
+
+def test_a_size_that_is_large_and_not_known_is_not_called_too_small() -> None:
+    """An offset of which nothing is known any more is refused as unsettled; one of a thousandth of it, well known, as too small."""
+    fit, name = with_effects("quadratic_drag", "offset_torque"), "offset_torque"
+
+    def refusals(fit: Fit) -> list[Reason]:
+        return [check.decision.reason for check in of_size(search(), fit, name) if check.decision is not None]
+
+    assert refusals(fit) == []
+    assert refusals(fit.widened(np.full(fit.model.vector.size, 100.0))) == [Reason.UNKNOWN_SIZE]
+    vector = fit.model.vector.copy()
+    vector[-1] *= 1e-3
+    small = replace(fit, model=fit.model.with_vector(vector)).widened(np.full(vector.size, 1e-5))
+    assert refusals(small) == [Reason.TOO_SMALL]
 
 
 def test_of_a_row_that_fails_what_is_left_may_stand(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -92,7 +92,7 @@ def _matters(search: Search, fit: Fit, name: str) -> Check:
 def _of_known_size(fit: Fit, name: str) -> Check:
     stands = knows_size(fit, name, LEAST_SIGMAS)
     return Check(
-        "size is known, sigmas", name, fit.sigmas_of(name) or None, LEAST_SIGMAS, _unless(stands, Reason.TOO_SMALL)
+        "size is known, sigmas", name, fit.sigmas_of(name) or None, LEAST_SIGMAS, _unless(stands, Reason.UNKNOWN_SIZE)
     )
 
 

@@ -24,7 +24,7 @@ from rw_ekf.diagnosis.ledger.choice import chosen
 from rw_ekf.diagnosis.ledger.growth import begun, grown
 from rw_ekf.diagnosis.ledger.ledger import Ledger
 from rw_ekf.diagnosis.prepare.preparation import Advance, Prepared
-from rw_ekf.diagnosis.standing import Reason
+from rw_ekf.diagnosis.standing import SMALL_OR_UNKNOWN
 from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work_budget
@@ -152,7 +152,7 @@ def _searched(prepared: Prepared, search: Search, ledger: Ledger, selection: Sel
 
 
 def _left_out_for_its_size(selection: Selection) -> str | None:
-    """The effect beyond doubt, if any, that explained most and was left out as too small to matter."""
-    small = {name: trial for name, trial in selection.trials.items() if trial.decision.reason is Reason.TOO_SMALL}
+    """The effect beyond doubt, if any, that explained most and was left out as too small, or as of no known size."""
+    small = {name: trial for name, trial in selection.trials.items() if trial.decision.reason in SMALL_OR_UNKNOWN}
     name = max(small, key=lambda name: small[name].statistic, default=None)
     return name if name is not None and small[name].p_value < BEYOND_DOUBT_P else None

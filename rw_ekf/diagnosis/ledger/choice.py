@@ -10,7 +10,7 @@ from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.selection import Rival, Selection
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.standing import Reason, explained_by
+from rw_ekf.diagnosis.standing import SMALL_OR_UNKNOWN, Reason, explained_by
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, TIE
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect_kinds import LawEffect
@@ -72,7 +72,7 @@ def _by_first_name(ledger: Ledger, row: Row) -> Row:
 def _has_no_size_of(row: Row, rival: str) -> bool:
     """Whether a row was refused for the size of something that it has beside a rival: it is likelier for that alone."""
     failed = {check.decision.reason for check in row.checks if check.decision is not None and check.effect != rival}
-    return bool(failed & {Reason.TOO_SMALL, Reason.IMPOSSIBLE})
+    return bool(failed & {*SMALL_OR_UNKNOWN, Reason.IMPOSSIBLE})
 
 
 def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
