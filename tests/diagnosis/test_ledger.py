@@ -129,7 +129,7 @@ def test_the_row_that_stands_has_passed_every_check_and_says_so() -> None:
 
 
 def test_a_size_that_is_large_and_not_known_is_not_called_too_small() -> None:
-    """An offset of which nothing is known any more is refused as unsettled; one of a thousandth of it, well known, as too small."""
+    """An offset of which nothing is known is refused as unsettled; a thousandth of it, well known, as too small."""
     fit, name = with_effects("quadratic_drag", "offset_torque"), "offset_torque"
 
     def refusals(fit: Fit) -> list[Reason]:
