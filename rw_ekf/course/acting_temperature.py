@@ -35,8 +35,7 @@ def _follow(time_s: Any, segment: Any, read_degC: Any, lag_s: float, ahead_K: fl
     """Fill `acts` (n,), from the body before the first row."""
     counts = 0  # the last row that does
     for i in range(time_s.size):
-        same_clock = i > 0 and segment[i] == segment[counts]
-        if not same_clock or time_s[i] > time_s[counts]:
+        if i == 0 or segment[i] != segment[counts] or time_s[i] > time_s[counts]:
             unknown = math.isnan(body.acts)
             body = warmed(body, read_degC[i], time_s[i] - time_s[counts], lag_s)
             if unknown:

@@ -12,8 +12,8 @@ from tools.measure.watch_runs import PROFILES, commands, drawn_wheel, filtered, 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", PROFILES)
 def test_hours_of_a_healthy_wheel_raise_nothing(profile: str) -> None:
-    """An hour of each profile, a drawn wheel each, 11 h together: not one alarm."""
-    time_s, current_A = commands(profile, 1.0, 5)
+    """Two hours of each profile, a drawn wheel each, 22 h together: not one alarm."""
+    time_s, current_A = commands(profile, 2.0, 5)
     number = list(PROFILES).index(profile)
     assert heard(simulated(drawn_wheel(500 + number), time_s, current_A, 500 + number)) == []
 
