@@ -41,6 +41,12 @@ def _an_encoding(value: str | None) -> str | None:
         return None
 
 
+def _unanswered(text: str | None) -> str | None:
+    if text is not None:
+        refuse([((), f"is not answered yet: {text} Delete this line when what the map says is right")])
+    return text
+
+
 _Column = Annotated[str | int | None, PlainValidator(_a_column)]
 
 
@@ -164,6 +170,7 @@ class _Options(Section):
     layout: MatlabLayout = "columns"
     only: _Only | None = Key(None, description="rows of one wheel: a column, and which of its values")
     dbc: str | None = Key(None, min_length=1, description="database of a CAN log, relative to the map")
+    asked: Annotated[str | None, AfterValidator(_unanswered)] = Key(None, description="what the log leaves open")
 
     @model_validator(mode="after")
     def _together(self) -> Self:

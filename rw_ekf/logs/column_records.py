@@ -46,6 +46,10 @@ class Line:
     assumed: bool = False  # its unit is concluded from its numbers or a habit: the file does not say it
 
 
+# Questions of these names are about every column: whose a cell is, and of which wheel a row.
+OF_THE_TABLE = ("layout", "only")
+
+
 @dataclass(frozen=True)
 class Question:
     """What the file does not say; `answers` are the lines of which one is right."""

@@ -25,6 +25,7 @@ from rw_ekf.logs.text_cells import (
     without_trailing,
 )
 from rw_ekf.logs.text_forms import RECEIVED
+from rw_ekf.logs.which_wheel import TELLING
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
@@ -102,6 +103,7 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     exact = layout.delimiter == CELL
     if not remarks and (exact or len(groups) == len(names)) and not any(map(layout.is_value, groups)):
         remarks = held_to_the_right(groups)
+        names = _of_devices(names, remarks)
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
     ragged = not exact and _shift(names, rows, layout)
@@ -344,6 +346,14 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
 def _are_names(cells: list[str], layout: TextLayout) -> bool:
     filled = [cell for cell in cells if cell]
     return bool(filled) and sum(map(layout.is_value, filled)) < MOSTLY * len(filled)
+
+
+def _of_devices(names: tuple[str, ...], above: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that come again below another device each, `RW1,,,RW2,,` above them, with the device in front."""
+    alike = Counter(names)
+    told = {name: {label for label, other in zip(above, names, strict=False) if other == name} for name in alike}
+    whole = all(alike[name] == len(told[name]) > 1 for name in names) and all(map(TELLING.search, above))
+    return tuple(f"{label} {name}" for label, name in zip(above, names, strict=True)) if whole else names
 
 
 def _odd_header(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> tuple[str, ...]:

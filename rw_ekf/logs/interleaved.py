@@ -1,22 +1,25 @@
 """Rows of several kinds under each other, made rows of one: a row a signal, or packets of a telemetry stream in turn.
 
 What the other kinds said last is held beside each row of one kind: of that which has the speed, or else of the most
-frequent. Nothing is interpolated, and nothing known later stands beside what was measured before.
+frequent. Nothing is interpolated, and nothing known later stands beside what was measured before: last is by the time
+of the rows, in whatever order they are, and by their order only where no time tells one row from the next.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.logs.channel_blocks import kind_of
 from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import unit_of, with_unit
+from rw_ekf.logs.last_known import held_at, last_known, on_one_axis
 from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none, taken
+from rw_ekf.logs.time_text import seconds_of
 
 _MOST_KINDS = 60  # signals of one file
 _LEAST_NAMES = 2  # between the numbers of a row
@@ -50,14 +53,61 @@ def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[st
         if names.keys() >= own
         or (names.keys() <= own and has_speed(names) == has_speed(own) and 2 * len(names) > len(own))
     }
+    places = [place for place, (kind, _) in enumerate(records) if kind in alike]
+    if (time_s := _times_of(records, alike)) is not None:
+        return _held_by_time(records, time_s, places, own), places
     others: dict[str, Any] = {}
-    found, places = [], []
-    for place, (kind, record) in enumerate(records):
+    found = []
+    for kind, record in records:
         others |= {name: value for name, value in record.items() if name not in own}
         if kind in alike:
             found.append({**others, **record})
-            places.append(place)
     return found, places
+
+
+def _times_of(records: Sequence[tuple[str, Mapping[str, Any]]], alike: Set[str]) -> Float64Array | None:
+    """When records (n,) are from, on one axis; None where no name of all of them says it, or not to the row.
+
+    alike: the kinds whose rows the others are put beside.
+    """
+    for name in records[0][1]:
+        if role_of(stated_by(name)) != "time" or not all(name in record for _, record in records):
+            continue
+        cells = [record[name] for _, record in records]
+        is_base = np.array([kind in alike for kind, _ in records])
+        time_s = _seconds(cells)
+        found = None if time_s is None else on_one_axis(time_s, np.where(is_base, 0, 1))
+        if found is not None and _tells_rows(found, is_base):
+            return found
+    return None
+
+
+def _tells_rows(time_s: Float64Array, is_base: BoolArray) -> bool:
+    """Whether no two rows of the base have the same of the times (n,) of all."""
+    return bool(np.all(np.diff(np.sort(time_s[is_base])) > 0.0))
+
+
+def _held_by_time(
+    records: Sequence[tuple[str, Mapping[str, Any]]], time_s: Float64Array, places: list[int], own: Set[str]
+) -> list[dict[str, Any]]:
+    """The rows at some places, each with what the other records said last at its time (n,). own: names of the rows."""
+    others: dict[str, list[int]] = {}
+    for place, (_, record) in enumerate(records):
+        for name in record.keys() - own:
+            others.setdefault(name, []).append(place)
+    found: list[dict[str, Any]] = [{} for _ in places]
+    for name, of_it in others.items():
+        for row, which in zip(found, last_known(time_s[places], time_s[of_it]), strict=True):
+            if which >= 0:
+                row[name] = records[of_it[which]][1][name]
+    return [{**row, **records[place][1]} for row, place in zip(found, places, strict=True)]
+
+
+def _seconds(cells: Sequence[Any]) -> Float64Array | None:
+    """Times (n,) of numbers or stamps [s, or whatever the numbers are in]; None where some cell is neither."""
+    numbers = [number_or_none(str(cell)) for cell in cells]
+    known = [number for number in numbers if number is not None]
+    return np.array(known) if len(known) == len(cells) else seconds_of([str(cell) for cell in cells])
 
 
 def widened(table: RawTable) -> RawTable | None:
@@ -125,7 +175,15 @@ def _wide(table: RawTable, cells: list[str], value: Float64Array, rest: list[int
     base = base_kind({kind: [kind] for kind in kinds}, Counter(cells))
     rows = np.flatnonzero([cell == base for cell in cells]).astype(np.int64)
     columns = [taken(table.columns[column], rows) for column in rest]
-    columns += [value[rows] if kind == base else _last(cells, kind, value, rows) for kind in kinds]
+    times = _times(table, cells, base, rest)
+
+    def last(kind: str) -> Float64Array:
+        if times is None:
+            return _last(cells, kind, value, rows)
+        own = np.flatnonzero([cell == kind for cell in cells])
+        return held_at(times[rows], times[own], value[own])
+
+    columns += [value[rows] if kind == base else last(kind) for kind in kinds]
     wide = table.at_rows(rows, (*(table.names[column] for column in rest), *kinds), columns)
     wide.warnings = [
         *table.warnings,
@@ -164,8 +222,8 @@ def _are_signals(cells: list[str]) -> bool:
     return "" not in counts and 1 < len(counts) <= _MOST_KINDS and len(cells) >= _LEAST_ROWS * len(counts) and speeds
 
 
-def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:
-    """The last value (m,) of a kind at each of the rows (m,); NaN before the first.
+def _last(cells: Sequence[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:
+    """The last value (m,) of a kind at each of the rows (m,) by the order of the file; NaN before the first.
 
     At the time of a row itself its own come later by an order of writing that means nothing, so the next few count too.
     """
@@ -175,3 +233,21 @@ def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) ->
     found = value[own[np.maximum(at, 0)]]
     found[at < 0] = np.nan
     return np.asarray(found, dtype=np.float64)
+
+
+def _times(table: RawTable, cells: Sequence[str], base: str, rest: Sequence[int]) -> Float64Array | None:
+    """When the rows (n,) of named values are from, on one axis; None where no column tells it to the row.
+
+    cells: what each is a value of; rest: the other columns. Without names whatever rises in the rows of each is a time.
+    """
+    codes = np.unique(np.array(cells), return_inverse=True)[1].astype(np.int64)
+    is_base = np.array([cell == base for cell in cells])
+    for column in rest:
+        time_s = table.numbers(column, stamps=True)
+        if any(table.names):
+            is_time = role_of(stated_by(table.names[column])) == "time"
+        else:
+            is_time = all(np.all(np.diff(time_s[codes == code]) >= 0.0) for code in range(int(codes.max()) + 1))
+        if is_time and (found := on_one_axis(time_s, codes)) is not None and _tells_rows(found, is_base):
+            return found
+    return None

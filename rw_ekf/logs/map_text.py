@@ -8,12 +8,15 @@ from rw_ekf.checking.yaml_loader import parse_yaml
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap, as_written
-from rw_ekf.logs.column_records import Guess, Line
+from rw_ekf.logs.column_records import OF_THE_TABLE, Guess, Line
 from rw_ekf.logs.raw_table import RawTable
 
 
 def map_text(guess: Guess, log: str) -> str:
-    """The map as YAML. A question stands where its line would, each answer as a comment to be made a line."""
+    """The map as YAML. A question stands where its line would, each answer as a comment to be made a line.
+
+    One about lines that stand already is a key that no reader takes: a map used as it is must not answer by itself.
+    """
     out = [comment(f"Columns of {log}, as its names, units and numbers say.")]
     out += map(comment, (*guess.warnings, *guess.notes))
     out += [f"{key}: {as_written(value)}" for key, value in guess.options.items()]
@@ -23,6 +26,9 @@ def map_text(guess: Guess, log: str) -> str:
         then = " Make one of these a line of this map:" if question.answers else ""
         out.append(comment(f"ASKED: {question.text}{then}"))
         out += [comment(_entry(answer)) for answer in question.answers]
+    standing = {*OF_THE_TABLE, *(line.name for line in guess.lines)}
+    if open_still := " ".join(question.text for question in guess.questions if question.name in standing):
+        out.append(f"asked: {as_written(open_still)}")
     return "\n".join(out) + "\n"
 
 

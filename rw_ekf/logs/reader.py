@@ -18,6 +18,7 @@ from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.assembly import Assembly
 from rw_ekf.logs.checksums import all_sums, part_key, sums_of
+from rw_ekf.logs.clock_columns import with_clock_columns
 from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.formats import format_of
@@ -289,5 +290,5 @@ def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     table = format_of(path, name).read(path, name, columns)
     if not needs_guess(table):
         return table
-    table = without_empty_rows(named_between(table) or table)
+    table = with_clock_columns(without_empty_rows(named_between(table) or table))
     return with_whole_time(widened(table) or beside_each_other(table) or in_turn(table) or table)

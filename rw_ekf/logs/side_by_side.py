@@ -14,8 +14,8 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.logs.column_names import role_of, stated_by
-from rw_ekf.logs.foreign.groups import held_at
 from rw_ekf.logs.interleaved import has_speed
+from rw_ekf.logs.last_known import held_at
 from rw_ekf.logs.raw_table import RawTable, taken
 from rw_ekf.logs.row_rules import goes_with_seconds
 from rw_ekf.logs.time_text import DAY_S
@@ -225,7 +225,14 @@ def _stacked(table: RawTable, blocks: list[list[int]]) -> RawTable:
     held.append(np.repeat(np.arange(len(blocks), dtype=np.float64), [len(kept) for kept in rows]))
     names = (*(table.names[column] for column in blocks[0]), "segment")
     stacked = table.at_rows(np.concatenate(rows), names, held)
-    stacked.warnings = [*table.warnings, f"{table.path}: has {len(blocks)} tables side by side: each is a run"]
+    first, *others = (table.numbers(block[0]) for block in blocks)
+    at_once = any(np.array_equal(first, other, equal_nan=True) for other in others)
+    text = f"{table.path}: has {len(blocks)} tables side by side: each is a run"
+    if at_once:
+        text += (
+            "; if they are wheels that ran at once, which their equal times allow, name the columns of one by number"
+        )
+    stacked.warnings = [*table.warnings, text]
     return stacked
 
 

@@ -10,9 +10,7 @@ from rw_ekf.logs.raw_table import RawTable
 
 _MOST_WHEELS = 200  # a column of more different values tells no wheels apart
 _PARTS = re.compile(r"[^\s,=/.:]+")  # of `rw_ekf_sample,wheel=rw-y,run=...` and `/wheels/rw-y/sample`
-_TELLING = re.compile(
-    r"wheel|rw|motor|axis|unit|node|device|serial|name|address|topic|(^|_)(id|dut|esc)", re.IGNORECASE
-)
+TELLING = re.compile(r"wheel|rw|motor|axis|unit|node|device|serial|name|address|topic|(^|_)(id|dut|esc)", re.IGNORECASE)
 
 
 def of_wheel(names: Iterable[str], wheel: str) -> list[str]:
@@ -25,7 +23,7 @@ def rows_of_wheel(table: RawTable, wheel: str) -> RawTable:
     reported = {
         index: held
         for index, name in enumerate(table.names)
-        if _TELLING.search(name) and (held := table.distinct(index, _MOST_WHEELS))
+        if TELLING.search(name) and (held := table.distinct(index, _MOST_WHEELS))
     }
     found = [index for index, held in reported.items() if wheel in held]
     if len(found) == 1:

@@ -12,13 +12,12 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.last_known import held_at
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
-from rw_ekf.logs.row_rules import usual_step
 from rw_ekf.logs.vectors import vector_of
 from rw_ekf.logs.which_wheel import of_wheel
 
-_SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
 OWN_COLUMNS = {"time_s", "command_delay_s", "segment"}  # what every log of this program has, and nobody else's
 _CLOCKS = ("time_s", "clock_s")  # what a group's time is called: the second where a channel has the first name
 
@@ -101,19 +100,6 @@ def channels_of(rows: Sequence[Mapping[str, float]]) -> dict[str, Float64Array]:
 def seconds_of(ticks: Sequence[int], per_second: int) -> Float64Array:
     """Times (n,) [s] of a clock that counts so many ticks a second, each the nearest number to it."""
     return np.array([tick / per_second for tick in ticks], dtype=np.float64)
-
-
-def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Array:
-    """The last of `values` (n,), sampled at `time_s` (n,) in any order, known at each of `at_s` (m,); NaN before.
-
-    What follows within a tenth of the usual step between these is of the same moment: one turn of a bus sends its
-    messages one after the other.
-    """
-    order = np.argsort(time_s, kind="stable")
-    index = np.searchsorted(time_s[order], at_s + _SAME_TURN * usual_step(at_s), side="right") - 1
-    held = np.asarray(values, dtype=np.float64)[order[np.maximum(index, 0)]]
-    held[index < 0] = np.nan
-    return held
 
 
 def _distinct(groups: list[Group]) -> list[Group]:

@@ -1,0 +1,102 @@
+"""A time whose parts stand in columns of their own: hours, minutes and seconds, with a date or a week's number."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.time_text import DAY_S, past_midnight
+
+_WORDS = {
+    "week": "week woche wk wn",
+    "year": "year yr yyyy jahr annee année ano año",
+    "month": "month mon monat mois mes",
+    "day": "day dd tag jour dia día",
+    "hour": "hour hours hr hrs h hh stunde stunden std heure heures hora",
+    "minute": "minute minutes min mins minuten minuto mm m",
+    "second": "second seconds sec secs s ss sekunde sekunden sek seconde secondes segundo tow sow",
+    "ms": "ms msec msecs milli millis millisecond milliseconds millisekunde millisekunden",
+    "us": "us usec usecs micro micros microsecond microseconds",
+}
+_PART = {word: part for part, words in _WORDS.items() for word in words.split()}
+_BESIDE = frozenset(["time", "utc", "gps", "local", "zeit", "clock", "of", "the", "temps", "heure", "hora", "gmt"])
+_SECONDS = {"week": 7.0 * DAY_S, "hour": 3600.0, "minute": 60.0, "second": 1.0, "ms": 1.0e-3, "us": 1.0e-6}
+_FULL = {"hour": 24.0, "minute": 60.0, "ms": 1.0e3, "us": 1.0e6, "month": 13.0, "day": 32.0}  # where each begins anew
+_FALLS = 0.01  # of the rows, at most
+
+
+def with_clock_columns(table: RawTable) -> RawTable:
+    """The table with one time [s] in the place of columns that are its parts; itself where there are none.
+
+    Minutes, or weeks, beside seconds that begin anew with each; a date, in columns or as one, is added to hours.
+    """
+    found: dict[str, int] = {}
+    for number, name in enumerate(table.names):
+        part = _part_of(name)
+        if part and part in found:
+            return table
+        if part and table.is_plain_number(number):
+            found[part] = number
+    values = {part: table.numbers(number) for part, number in found.items()}
+    time_s = _time(values)
+    if time_s is None:
+        return table
+    parts = [part for part in (*_SECONDS, "year", "month", "day") if part in values]
+    time_s, dated = _with_date(table, values, time_s)
+    if float(np.mean(np.diff(time_s) < 0.0)) > _FALLS:
+        return table
+    used = {found[part] for part in parts} | dated
+    kept = [number for number in range(len(table.names)) if number not in used]
+    whole = " + ".join(table.names[number] for number in sorted(used))
+    names = (f"{whole} [s]", *(table.names[number] for number in kept))
+    text = f"{table.path}: the time is taken from '{whole}' together"
+    columns = [time_s, *(table.columns[number] for number in kept)]
+    return replace(table, names=names, columns=columns, warnings=[*table.warnings, text])
+
+
+def _part_of(name: str) -> str:
+    """Which part of a time a name says, and nothing else; empty for any other."""
+    words = re.findall(r"[^\W\d_]+", name.lower())
+    told = {_PART[word] for word in words if word in _PART and (word not in _BESIDE or len(words) == 1)}
+    rest = [word for word in words if word not in _PART and word not in _BESIDE]
+    return told.pop() if len(told) == 1 and not rest else ""
+
+
+def _time(values: dict[str, Float64Array]) -> Float64Array | None:
+    """Seconds (n,) of the parts that are not a date; None where they are no time."""
+    if "second" not in values or not values.keys() & {"minute", "week"}:
+        return None
+    if not all(np.isfinite(held).all() for held in values.values()):
+        return None
+    within = {**_FULL, "second": 60.0 if "minute" in values else _SECONDS["week"]}
+    if any(np.any((held < 0.0) | (held >= within.get(part, np.inf))) for part, held in values.items()):
+        return None
+    whole = [held for part, held in values.items() if part != "second"]
+    if not all(np.array_equal(held, np.round(held)) for held in whole):
+        return None
+    coarse = values["minute" if "minute" in values else "week"]
+    on = np.diff(coarse) != 0.0
+    if np.any(np.diff(values["second"])[on] >= 0.0):  # seconds of something else
+        return None
+    total = sum((_SECONDS[part] * held for part, held in values.items() if part in _SECONDS), start=np.float64(0.0))
+    return np.asarray(total, dtype=np.float64)
+
+
+def _with_date(table: RawTable, values: dict[str, Float64Array], time_s: Float64Array) -> tuple[Float64Array, set[int]]:
+    """Times of day (n,) with the days of a date beside them, and the column of it where it is one."""
+    if "hour" not in values:
+        return time_s, set()
+    if {"year", "month", "day"} <= values.keys():
+        months = (values["year"].astype(np.int64) - 1970) * 12 + values["month"].astype(np.int64) - 1
+        days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.float64) + values["day"] - 1.0
+        return DAY_S * days + time_s, set()
+    for number in range(len(table.names)):
+        if not table.is_plain_number(number):
+            seconds = table.numbers(number, stamps=True)
+            if np.isfinite(seconds).all() and seconds[0] >= DAY_S and not np.any(seconds % DAY_S):
+                return seconds + time_s, {number}
+    return past_midnight(time_s), set()

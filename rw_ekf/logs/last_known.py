@@ -1,0 +1,65 @@
+"""What was known last of one thing at the times of another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.logs.row_rules import restarted, usual_step
+
+_SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
+_UNPAIRED = 0.1  # of the rows, at most, that have no partner
+_NEARER = 0.5  # of the step: what comes later than that is nearer to the row that follows
+_APART = 10.0  # times the length of all runs, from where one begins to where the next does
+
+
+def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Array:
+    """The last of `values` (n,), sampled at `time_s` (n,) in any order, known at each of `at_s` (m,); NaN before."""
+    index = last_known(at_s, time_s)
+    held = np.asarray(values, dtype=np.float64)[np.maximum(index, 0)]
+    held[index < 0] = np.nan
+    return held
+
+
+def last_known(at_s: Float64Array, time_s: Float64Array) -> Int64Array:
+    """Which of `time_s` (n,), in any order, was the last by each of `at_s` (m,): -1 before the first.
+
+    What follows within a tenth of the usual step between these is of the same moment: one turn of a bus sends its
+    messages one after the other. So is what follows by half a step at most, and always by as much: the answer to the
+    second of two requests. Of equal times the later in order counts.
+    """
+    order = np.append(np.argsort(time_s, kind="stable"), -1)
+    sorted_s = time_s[order[:-1]]
+    within = max(_SAME_TURN * usual_step(np.sort(at_s)), _steady_lag(np.sort(at_s), sorted_s))
+    return order[np.searchsorted(sorted_s, at_s + within, side="right") - 1]
+
+
+def _steady_lag(at_s: Float64Array, time_s: Float64Array) -> float:
+    """How long after each of sorted times (m,) the one of others (n,) comes that is of the same turn; 0: none is."""
+    step = usual_step(at_s)
+    if not at_s.size or abs(len(time_s) - len(at_s)) > _UNPAIRED * len(at_s):
+        return 0.0
+    lag = time_s[np.minimum(np.searchsorted(time_s, at_s), len(time_s) - 1)] - at_s
+    least, usual, most = np.quantile(lag, (_UNPAIRED, 0.5, 1.0 - _UNPAIRED))
+    return float(most) if most - least < _SAME_TURN * step and usual < _NEARER * step else 0.0
+
+
+def on_one_axis(time_s: Float64Array, kinds: Int64Array) -> Float64Array | None:
+    """Times (n,) at which rows of several kinds, numbered from 0, may be put beside each other by time.
+
+    The kinds may come in turn, each for itself, or newest first. Where the times of each begin anew equally often the
+    file holds several runs, and each stands behind the one before. None where a time is missing, or where one kind
+    begins anew and another does not.
+    """
+    if not np.isfinite(time_s).all() or not time_s.size:
+        return None
+    runs = np.zeros(len(time_s))
+    last = set()
+    for kind in range(int(kinds.max()) + 1):
+        own = kinds == kind
+        backwards = bool(np.all(np.diff(time_s[own]) <= 0.0))
+        runs[own] = 0.0 if backwards else restarted(time_s[own])
+        last.add(runs[own][-1])
+    return None if len(last) > 1 else time_s + _APART * float(np.ptp(time_s)) * runs
