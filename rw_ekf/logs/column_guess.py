@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,8 +21,18 @@ from rw_ekf.logs.column_drive import find_drive
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
 from rw_ekf.logs.column_speed import find_speed, rad_of_one
-from rw_ekf.logs.column_time import EPOCHS, SLOWEST_S, Clock, clock_of, no_clock, rate_in, ticks_a_second
-from rw_ekf.logs.column_units import Unit
+from rw_ekf.logs.column_time import (
+    EPOCHS,
+    SLOWEST_S,
+    Clock,
+    clock_of,
+    no_clock,
+    rate_in,
+    ticks_a_second,
+    ticks_of_stamps,
+    unit_of_stamps,
+)
+from rw_ekf.logs.column_units import Unit, unit_of
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
 from rw_ekf.logs.side_by_side import MAY_BE_A_PART
@@ -35,6 +46,7 @@ _WARM_DEGC = 10.0  # T_C alone is below it: a Coulomb torque, in whatever unit, 
 _UPWARD = 0.01  # of the rows at most: late ones, where the newest stands first
 _STEADY = 0.5  # of its step: so evenly goes a counter that is a clock, and not the angle of a wheel that turns
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970; in ms and less from 2001, as any clock (`column_time`)
+_SAME_RATE = 0.01  # relative
 _JULIAN, _JULIAN_STEP = (2.44e6, 2.48e6), 1.0e-3  # 1968 to 2077 in days, and less than 90 s between rows
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
 _NOT_OF_THE_WHEEL = (
@@ -141,6 +153,15 @@ def _find_time(table: RawTable, columns: list[Column], reported: Answers, guess:
             guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
             return clock
         column = columns[clock.number]
+        if clock.concluded and not unit and (said := unit_of_stamps(table.preamble)) is not None:
+            clock = clock_of(column.number, column.name, column.stated, column.values, said[0], stamps=False) or clock
+            clock.why = f"the file says '{said[1]}'"
+        elif clock.concluded and not unit and (ticks := _other_ticks(clock, table.preamble)) is not None:
+            length = f"{1e6 / ticks[0]:g} us"
+            text = f"{column.shown} {without_unit(column)}, and '{ticks[1]}' is said: what does it count in?"
+            either = dict.fromkeys((length, clock.unit or "s"))
+            guess.ask("time_s", text, *(Line("time_s", column.entry(each), each) for each in either))
+            return clock
         if not clock.is_clock and not unit and (why := no_clock(column.shown, column.values, column.stated)):
             guess.ask("time_s", f"{why}: in which unit is it?", Line("time_s", column.entry("s"), ""))
             return clock
@@ -180,6 +201,14 @@ def _find_time(table: RawTable, columns: list[Column], reported: Answers, guess:
     text = "; ".join([*filter(None, refused[:1]), text])
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
+
+
+def _other_ticks(clock: Clock, preamble: Sequence[str]) -> tuple[float, str] | None:
+    """Another rate than the one concluded of its steps at which a clock may count, and the words that say so."""
+    ticks = ticks_of_stamps(preamble)
+    known = unit_of(clock.unit or "s")
+    own = known is not None and ticks is not None and abs(ticks[0] * known.factor - 1.0) < _SAME_RATE
+    return None if own else ticks
 
 
 def _counts_steps(column: Column) -> bool:

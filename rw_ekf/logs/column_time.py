@@ -22,6 +22,7 @@ EPOCHS = (
 _SERIAL_DAYS = (
     (3.0e4, 6.5e4, "Excel has them"), (6.9e5, 7.8e5, "MATLAB has them"), (2.44e6, 2.48e6, "Julian dates are"),
 )  # fmt: skip
+_WINCC = (3.0e10, 6.5e10)  # 1982 to 2077 in millionths of a day
 _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31, 2.0**30)  # of 30 bits: MicroPython's ticks_ms()
 _BILLION = 1.0e9
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
@@ -40,6 +41,12 @@ _TICK = re.compile(
     r"(\d*[.,]?\d+(?:e[+-]?\d+)?)\s*([nuµm]?)s\b",
     re.IGNORECASE,
 )
+_UNIT_OF_STAMPS = re.compile(  # timestamp unit: 10 us; time in units of 10 us; timer: 10 us per count
+    r"(?:time|stamp|tick|timer)\w*\W.{0,20}?(?:\bunits?\b\W*(?:of|is)?\W*(?P<each>\d+(?:\.\d+)?\s*[nuµm]?s)\b|"
+    r"(?P<per>\b\d+(?:\.\d+)?\s*[nuµm]?s)\s*(?:/|per|a|each)\s*(?:count|tick|digit|lsb|bit|step)\b)",
+    re.IGNORECASE,
+)
+_NO_STAMPS = re.compile(r"pwm|switch|interrupt|loop|baud|carrier|cpu|core|\bbus\b", re.IGNORECASE)
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _OF_ROWS = r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?|interval\w*|采样\w*|サンプリング\w*)"
@@ -167,6 +174,8 @@ def _unit(
         return reported, (), "as it was set"
     if stamps:
         return "", (), "its cells are dates or times of day"
+    if name == "Time_MS" and _WINCC[0] <= float(np.median(values)) < _WINCC[1]:
+        return "1e-6 days", (), "millionths of a day from 1900, as WinCC has them"
     if stated.unit is not None and stated.unit.quantity == "time":
         return stated.unit_text, (), f"its name says {stated.unit_text}"
     if name == "time_s":
@@ -232,6 +241,17 @@ def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
             per_second = {"": 1.0, "m": 1e3, "u": 1e6, "µ": 1e6, "n": 1e9}[match[2].lower()]
             return per_second / length, match[0].strip()
     return None
+
+
+def unit_of_stamps(texts: Sequence[str]) -> tuple[str, str] | None:
+    """What lines above the names say that a stamp counts in, `10 us`, and the words."""
+    found = ((match, text) for text in texts if (match := _UNIT_OF_STAMPS.search(text)) is not None)
+    return next(((match["each"] or match["per"], text.strip("# %;")) for match, text in found), None)
+
+
+def ticks_of_stamps(texts: Sequence[str]) -> tuple[float, str] | None:
+    """How fast a timer runs [Hz] that may be the stamps', and the words that say so."""
+    return ticks_a_second(text for text in texts if not _NO_STAMPS.search(text))
 
 
 def rate_in(texts: Sequence[str]) -> tuple[float, str] | None:

@@ -21,7 +21,7 @@ from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.settings_beside import parted
-from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
+from rw_ekf.logs.text_cells import BLANKS, MINUS, TextLayout, has_units, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
 from rw_ekf.logs.turned_text import turned
@@ -191,7 +191,7 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
         return True
     if encoding_of(head) != "utf-8-sig":
         return False
-    if stamped_form(lines).stamped or has_units(lines):
+    if stamped_form(lines).stamped or has_units(lines) or (not text.isascii() and MINUS.search(text)):
         return False
     names = [name.strip() for name in rows[0]]
     numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]

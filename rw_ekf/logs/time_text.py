@@ -8,6 +8,7 @@ makes no difference.
 from __future__ import annotations
 
 import datetime
+import math
 import re
 from collections.abc import Sequence
 
@@ -32,6 +33,7 @@ _DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.5
     r"(?P<clock>\d{2}[.:]\d{2}[.:]\d{2})(?P<rest>(?:[.,:]\d+)?(?:Z| ?UTC)?)"
 )
 _OF_AN_HOUR = re.compile(r"(\d{1,2}:\d{2}[.,]\d+)")  # Excel's mm:ss.0
+_OF_ONE_DIGIT = re.compile(r"^0:(\d:)")  # minutes behind an hour
 _HOUR_S, _HALF_S = 3600.0, 43200.0
 _NEARLY = 0.98  # of twelve hours, by which a clock falls that goes on from 12:59 to 1:00
 _POINTED = re.compile(r"(?P<h>[01]?\d|2[0-3])\.(?P<m>[0-5]\d)\.(?P<s>[0-5]\d)(?P<f>[.,:]\d+)?")  # 10.58.12,250
@@ -54,12 +56,13 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
     """Seconds (n,) of stamps, NaN where a cell is empty; None where one of them is no stamp."""
     first = next((cell.strip() for cell in cells if cell and cell.strip()), "")
     if _OF_AN_HOUR.fullmatch(first):
-        hours = seconds_of([f"0:{cell.strip()}" if cell and cell.strip() else cell for cell in cells])
+        stated = [cell.strip() if cell else "" for cell in cells]
+        hours = seconds_of([cell and _OF_ONE_DIGIT.sub(r"0:0\1", f"0:{cell}") for cell in stated])
         return None if hours is None else past_full(hours, _HOUR_S)
     if _DURATION.fullmatch(first):
         return _durations(cells)
     cells = _with_colons(cells)
-    month_first = _month_first(cells)
+    order = _order(cells)
     days: dict[str, float] = {}
     found = np.full(len(cells), np.nan)
     dated = False
@@ -77,7 +80,7 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
         if match["date"]:
             dated = True
             if match["date"] not in days:
-                day = _day(match["date"], month_first)
+                day = _day(match["date"], order)
                 if day is None:
                     return None
                 days[match["date"]] = day
@@ -155,29 +158,35 @@ def _zone_s(zone: str | None) -> float:
     return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[3:].strip(":") or 0))
 
 
-def _day(text: str, month_first: bool) -> float | None:
-    """Seconds from 1970 to the begin of a day; None where there is no such day."""
+def _day(text: str, order: str) -> float | None:
+    """Seconds from 1970 to the begin of a day; None where there is no such day. order: of its parts, as `dmy`."""
     named = re.fullmatch(r"(\d{1,2})[- ]?([A-Za-z]{3})[a-z]*[- ,]*(\d{2,4})", text)
     if named:
-        parts = [int(named[3]), _MONTHS.get(named[2].lower(), 0), int(named[1])]
+        parts = {"y": int(named[3]), "m": _MONTHS.get(named[2].lower(), 0), "d": int(named[1])}
     elif len(text) == 8 and text.isdigit():
-        parts = [int(text[:4]), int(text[4:6]), int(text[6:])]
+        parts = {"y": int(text[:4]), "m": int(text[4:6]), "d": int(text[6:])}
     else:
-        parts = [int(part) for part in re.split(r"[-/.]", text)]
-        if len(re.split(r"[-/.]", text)[0]) < 3:
-            first, second, year = parts
-            parts = [year, first, second] if month_first else [year, second, first]
-    year = parts[0] + (2000 if parts[0] < 70 else 1900 if parts[0] < 100 else 0)
+        numbers = re.split(r"[-/.]", text)
+        parts = dict(zip("ymd" if len(numbers[0]) > 2 else order, map(int, numbers), strict=True))
+    year = parts["y"] + (2000 if parts["y"] < 70 else 1900 if parts["y"] < 100 else 0)
     try:
-        return DAY_S * (datetime.date(year, parts[1], parts[2]).toordinal() - datetime.date(1970, 1, 1).toordinal())
+        return DAY_S * (datetime.date(year, parts["m"], parts["d"]).toordinal() - datetime.date(1970, 1, 1).toordinal())
     except ValueError:
         return None
 
 
-def _month_first(cells: Sequence[str | None]) -> bool:
-    """Whether some date can only be read with the month before the day."""
-    return any(
-        (match := re.match(r"\d{1,2}[-/](\d{1,2})[-/]\d{2,4}(?!\d)", cell.strip())) is not None and int(match[1]) > 12
-        for cell in cells
-        if cell
-    )
+def _order(cells: Sequence[str | None]) -> str:
+    """In which order the parts of dates stand: that which makes days of all, and the fewest between them.
+
+    A run goes over midnight, and not into the next month, or year, at the same time of day. Days first where it makes
+    no difference.
+    """
+    dates = {match["date"] for cell in cells if cell and (match := _TEXT.match(cell.strip())) is not None}
+    stated = [date for date in dates if date is not None]
+
+    def between(order: str) -> float:
+        days = [_day(date, order) for date in stated]
+        known = [day for day in days if day is not None]
+        return max(known) - min(known) if known and len(known) == len(days) else math.inf
+
+    return min(("dmy", "mdy", "ymd"), key=between)
