@@ -156,3 +156,4 @@ BACKWARD = frozenset({
     "links", "zurueck", "rückwärts", "false", "down", "arriere", "arrière", "antihoraire",
     "anti-horaire", "antiorario", "antihorario",
 })  # fmt: skip
+STOPPED = frozenset({"stop", "stopped", "still", "rest", "standstill", "halt", "idle", "stillstand"})

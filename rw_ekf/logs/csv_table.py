@@ -38,6 +38,8 @@ _LOOKED_AT_ROWS = 40
 _LEAST_ROWS = 3
 _SHOWN = 60  # characters of a line that is quoted
 _SOME_WORDS = re.compile(rb"[A-Za-z]{3,}[^A-Za-z]+[A-Za-z]{3,}")
+_EXPOSITION = re.compile(rb"^# TYPE \S+ (?:gauge|counter|untyped|histogram|summary)\s*$", re.MULTILINE)
+_NAME_LINES = 12  # in which the names of all columns end, where some of them have several
 _LAST_BYTES = 400  # of a text, in which a line of words may stand below the rows
 _A_NAME = 8  # characters: a shorter line may come again by chance
 
@@ -50,6 +52,13 @@ def read_csv_table(
     Raises LogError naming the line and the column of the first fault, EmptyLogError for a file without data.
     """
     head = _head_of(text)
+    if _EXPOSITION.search(head):
+        raise LogError(
+            f"{name_shown}: is what a program shows to Prometheus, metrics of one moment: ask Prometheus for a range "
+            "(/api/v1/query_range) and give the JSON that it answers"
+        )
+    if (whole := _names_in_one_line(text, head)) is not None:
+        return read_csv_table(replace(text, unpacked=whole), layout, must_be_numeric, name_shown)
     if not _is_own(head, layout) and (other := turned(text, head, layout.delimiter)) is not None:
         read = read_csv_table(replace(text, unpacked=other), layout, must_be_numeric, name_shown)
         return replace(read, place=lambda row: f"sample {row + 1}")
@@ -97,6 +106,26 @@ def read_csv_table(
         shown = written.another[:_SHOWN]
         read.doubts += (f"{shown!r} stands between the rows: are those behind it of the same wheel?",)
     return read
+
+
+def _names_in_one_line(text: LogText, head: bytes) -> bytes | None:
+    """The text with names that have an end of line within their quotes, as a sheet writes them, in one; else None.
+
+    Empty lines stand where they ended, so that every row is in its own line still.
+    """
+    lines = head.split(b"\n", _NAME_LINES)[:_NAME_LINES]
+    first = next((at for at, line in enumerate(lines) if line.count(b'"') % 2), None)
+    if first is None:
+        return None
+    quotes = itertools.accumulate(line.count(b'"') for line in lines[first:])
+    last = first + next((at for at, count in enumerate(quotes) if count % 2 == 0), 0)
+    names = b" ".join(line.strip(b"\r") for line in lines[first : last + 1])
+    if last == first or not re.search(rb'"[^"]*[^\W\d][^"]*"', names):
+        return None
+    with text.open() as stream:
+        everything = stream.read().split(b"\n")
+    everything[first : last + 1] = [names, *[b""] * (last - first)]
+    return b"\n".join(everything)
 
 
 def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> TextLayout | None:

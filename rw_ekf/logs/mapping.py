@@ -11,7 +11,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
 from rw_ekf.logs.column_records import stated_in_columns
-from rw_ekf.logs.column_words import BACKWARD, FORWARD
+from rw_ekf.logs.column_words import BACKWARD, FORWARD, STOPPED
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.odd_columns import faults_of_column
 from rw_ekf.logs.raw_table import RawTable, number_or_none
@@ -134,6 +134,8 @@ def _signs_of(table: RawTable, index: int) -> Float64Array:
     signs = {word: 1.0 if word in FORWARD else -1.0 for word in set(words) if word in FORWARD | BACKWARD}
     if signs.keys() & {"l", "f", "fwd", "forward"}:  # R is right beside L, reverse beside F, and anything else alone
         signs["r"] = 1.0 if "l" in signs else -1.0
+    if len(set(signs.values())) == 2:  # at rest a speed has no sign, and is about zero
+        signs |= dict.fromkeys(STOPPED - signs.keys(), 1.0)
     odd = next((word for word in words if word and word not in signs), None)
     if odd is not None:
         raise LogError(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,8 @@ _DOCUMENTS = re.compile(  # of a header with its stamp, as messages of ROS begin
 )
 _BETWEEN = re.compile(r"^---[ \t]*\r?\n", re.MULTILINE)
 _DEEPEST = 8
+_ROWS = ("data", "rows", "values")  # what rows beside `columns` are called
+_JOURNAL = ("__REALTIME_TIMESTAMP", "MESSAGE")  # systemd's: the time in us from 1970, and what was said
 _TRUTH = {"true": 1.0, "false": 0.0}
 
 
@@ -57,7 +59,7 @@ def _as_it_is(path: Path, name: str, columns: ColumnMap) -> RawTable:
     try:
         document = json.loads(text)
     except json.JSONDecodeError:
-        return _of_lines(text, name)
+        return _of_lines(text, name, columns)
     if columns.variable is not None:
         document = _within(document, columns.variable, name)
     if (groups := _series(document)) is not None:
@@ -92,6 +94,11 @@ def _logged(document: Any, name: str) -> bytes | None:
         shown = "; ".join(", ".join(f"{key}={value}" for key, value in each) for each in sorted(labels)[:4])
         raise LogError(f"{name}: holds {len(labels)} streams of Loki ({shown}): ask Loki for one of them")
     lines = sorted((int(entry[0]), entry[1].strip()) for one in streams for entry in one["values"])
+    return _stamped(lines)
+
+
+def _stamped(lines: Iterable[tuple[int, str]]) -> bytes:
+    """Lines, each behind its time [ns], as a text in which it stands in seconds."""
     return "".join(f"[{time // 10**9}.{time % 10**9:09d} s] {line}\n" for time, line in lines).encode()
 
 
@@ -116,7 +123,7 @@ def _series(document: Any) -> list[Group] | None:
     return [Group(f"series {number}", np.array(times), held) for number, (times, held) in enumerate(channels.items())]
 
 
-def _of_lines(text: str, name: str) -> RawTable:
+def _of_lines(text: str, name: str, columns: ColumnMap) -> RawTable:
     """A row for each line that is an object; the last may be torn."""
     rows, lines, wrong = list[dict[str, Any]](), list[int](), list[int]()
     numbered = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
@@ -133,6 +140,11 @@ def _of_lines(text: str, name: str) -> RawTable:
             lines.append(number)
     if len(wrong) > max(1, len(numbered) // 100):
         raise LogError(f"{name}: line {wrong[0]}: is no JSON, as {len(wrong)} of {len(numbered)} lines: mend them")
+    if rows and all(row.keys() >= set(_JOURNAL) for row in rows):
+        stamp, message = _JOURNAL
+        said = [(int(row[stamp]), str(row[message])) for row in rows]
+        stated = _stamped((1000 * time_us, line) for time_us, line in said)
+        return read_csv_table(LogText(Path(name), stated), columns.csv, columns.uses, name)
     table = _of_records(rows, lines, name)
     if wrong:
         table.torn = wrong[-1] == numbered[-1][0]
@@ -198,9 +210,8 @@ def _table_in(document: Any, depth: int) -> tuple[dict[str, list[Any]], dict[str
         return _of_list(document)
     if not isinstance(document, dict) or depth > _DEEPEST:
         return None
-    if isinstance(document.get("columns"), list) and isinstance(document.get("data"), list):  # pandas, orient=split
-        rows = [dict(zip(map(str, document["columns"]), row, strict=False)) for row in document["data"]]
-        return _by_column(rows), _beside(document, {"columns", "data", "index"})
+    if (named := _named_rows(document)) is not None:
+        return named
     lists = {key: _as_list(value) for key, value in document.items()}
     columns = {key: value for key, value in lists.items() if value is not None and not _is_rows(value)}
     longest = max((len(value) for value in columns.values()), default=0)
@@ -214,8 +225,30 @@ def _table_in(document: Any, depth: int) -> tuple[dict[str, list[Any]], dict[str
     return held, _beside(document, {key}) | beside
 
 
+def _named_rows(document: Mapping[str, Any]) -> tuple[dict[str, list[Any]], dict[str, Any]] | None:
+    """Rows beside the names of their cells: pandas with orient=split, a database's answer; None for anything else."""
+    names, key = document.get("columns"), next((key for key in _ROWS if isinstance(document.get(key), list)), "")
+    if not isinstance(names, list) or not key or not all(isinstance(row, list) for row in document[key]):
+        return None
+    stated = [str(name.get("name", at)) if isinstance(name, dict) else str(name) for at, name in enumerate(names)]
+    rows = [dict(zip(stated, row, strict=False)) for row in document[key]]
+    return _by_column(rows), _beside(document, {"columns", key, "index"})
+
+
+def _within_lists(rows: list[Any], depth: int) -> tuple[dict[str, list[Any]], dict[str, Any]] | None:
+    """The only table of named rows within objects of a list, as InfluxDB 1 answers (`results`, `series`)."""
+    found = []
+    for value in (value for row in rows for value in row.values() if isinstance(value, list)):
+        inner = [each for each in value if isinstance(each, dict)]
+        found += [named for each in inner if (named := _named_rows(each)) is not None]
+        found += [deeper for deeper in [_within_lists(inner, depth + 1)] if inner and depth < _DEEPEST and deeper]
+    return found[0] if len(found) == 1 else None
+
+
 def _of_list(rows: list[Any]) -> tuple[dict[str, list[Any]], dict[str, Any]] | None:
     if rows and all(isinstance(row, dict) for row in rows):
+        if (named := _within_lists(rows, 0)) is not None:
+            return named
         return _by_column([dict(_flat(row)) for row in rows]), {}
     if len(rows) > 1 and all(isinstance(row, list) for row in rows):
         names = rows[0] if all(isinstance(cell, str) for cell in rows[0]) else [str(n) for n in range(len(rows[0]))]
