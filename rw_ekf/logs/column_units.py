@@ -81,9 +81,13 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("torque", 1e-3), "mnm nmm n.mm"),
     **_all(Unit("torque", 1e-6), "unm"),
     **_all(Unit("torque", 1e-2), "ncm"),
-    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs ft-lbf"),
-    **_all(Unit("torque", 0.1129848290), "lbin inlb in-lb lbfin"),
-    **_all(Unit("torque", 7.0615518e-3), "ozin oz-in"),
+    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb lb-ft lbf-ft ftlb ftlbs ft-lbs ft-lbf"),
+    **_all(Unit("torque", 0.1129848290), "lbin inlb in-lb lb-in lbfin lbf-in lbf.in"),
+    **_all(Unit("torque", 7.0615518e-3), "ozin oz-in ozfin ozf-in ozf.in oz.in"),
+    **_all(Unit("torque", 9.80665), "kgfm kgf.m kgf-m"),
+    **_all(Unit("torque", 9.80665e-2), "kgfcm kgf.cm kgf-cm"),
+    **_all(Unit("torque", 9.80665e-5), "gfcm gf.cm gf-cm"),
+    **_all(Unit("torque", 1e-7), "dyncm dyn.cm dyn-cm dynecm"),
     **_all(Unit("force"), "n newton newtons"),
     **_all(Unit("force", 1e3), "kn"),
     **_all(Unit("voltage"), "v в volt volts vdc vac"),
@@ -183,6 +187,7 @@ OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
 
 
 _SCALED = re.compile(r"x?(0?\.0*1|10+|1e[+-]?\d+)[x.]?([^\d.].*|1/.*)")  # a power of ten: 2 is the number of something
+_FRACTION = re.compile(r"1/(10+)([^\d.].*)")  # 1/100 s
 _PER_COUNT = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)([^\d.].*?)(?:/|per)(?:lsb|bit|digit|count|cnt)s?")
 _PREFIXED = {"cA": (0.01, "a"), "dA": (0.1, "a"), "cV": (0.01, "v"), "dV": (0.1, "v")}  # MAVLink's; `ca` is a word
 
@@ -195,6 +200,8 @@ def unit_of(spelling: str) -> Unit | None:
     if (scaled := size_of_count(spelling)) is None and plain not in _SPELLINGS and "_" not in spelling:
         match = _SCALED.fullmatch(plain)  # not of current_10_A: the tenth
         scaled = None if match is None else (float(match[1]), match[2])
+        if (part := _FRACTION.fullmatch(plain)) is not None:
+            scaled = 1.0 / float(part[1]), part[2]
     if scaled is None or (unit := _SPELLINGS.get(scaled[1])) is None or unit.offset:
         return _SPELLINGS.get(plain)
     return unit._replace(factor=unit.factor * scaled[0])
