@@ -138,7 +138,23 @@ def _columns_in(content: dict[str, Any]) -> list[tuple[str, Any]]:
     if not vectors or (matrix and len(matrix[0][1]) > len(vectors[0][1])):
         rows = len(matrix[0][1]) if matrix else 0
         return [*((key, values) for key, values in vectors if len(values) == rows), *matrix]
+    if len(vectors) == 1 and not any(
+        key for key, _ in matrix
+    ):  # a time beside what has several columns and no names for them (Simulink)
+        return [*vectors, *_by_number(content, len(vectors[0][1]))]
     return [*vectors, *((key, values) for key, values in matrix if key and len(values) == len(vectors[0][1]))]
+
+
+def _by_number(content: dict[str, Any], rows: int) -> list[tuple[str, Any]]:
+    """The columns of matrices of so many rows, by number from 0: `simout.signals.values[1]`."""
+    matrices = {key: np.asarray(value) for key, value in content.items()}
+    return [
+        (f"{key}[{at}]", column)
+        for key, matrix in matrices.items()
+        if matrix.dtype.kind in "fiub" and matrix.ndim == 2 and matrix.shape[0] == rows
+        and 1 < matrix.shape[1] <= MAX_NAMES_SHOWN
+        for at, column in enumerate(matrix.T)
+    ]  # fmt: skip
 
 
 def _vectors(content: dict[str, Any]) -> list[tuple[str, Any]]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import rw_ekf
 from rw_ekf.logs.column_map_file import load_column_map
@@ -265,6 +266,18 @@ def test_lines_of_a_journal_are_what_was_said(tmp_path: Path, run: rw_ekf.Log) -
     log = rw_ekf.read(tmp_path / "a.json")
     assert np.array_equal(log.speed_rad_s, run.speed_rad_s)
     assert np.allclose(log.time_s - log.time_s[0], run.time_s, atol=1e-6)
+
+
+def test_columns_of_a_signal_of_simulink_have_numbers(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A structure with time whose one signal is two wide: what its columns are is asked, and may be answered."""
+    signals = {"values": np.column_stack((run.speed_rad_s, run.current_A)), "label": "", "dimensions": 2.0}
+    path = tmp_path / "a.mat"
+    savemat(path, {"simout": {"time": run.time_s[:, None], "signals": signals, "blockName": "rig/To Workspace"}})
+    assert {question.name for question in rw_ekf.guess_columns(path).guess.questions} == {"speed_rad_s", "current_A"}
+    answers = {"speed": "signals.values[0]:rad/s", "current": "signals.values[1]:A"}
+    log = rw_ekf.read(path, rw_ekf.guess_columns(path, **answers).column_map)
+    assert np.array_equal(log.speed_rad_s, run.speed_rad_s)
+    assert np.array_equal(log.current_A, run.current_A)
 
 
 def test_metrics_of_one_moment_are_refused(tmp_path: Path) -> None:
