@@ -71,12 +71,18 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     if above and (cells := _header_cells(above[-1][1], layout)) and are_units(cells) and len(above) > 1:
         units = tuple(cells)
         taken -= 1
-    if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
+    if (
+        taken
+        and (cells := _header_cells(above[taken - 1][1], layout))
+        and _are_names(cells, layout, above[taken - 1][1])
+    ):
         names = (RECEIVED if is_stamp(cells[0]) else cells[0], *cells[1:])  # a terminal stamps the names too
         if is_comment(above[taken - 1][1], layout) and len(names) == layout.width + 1 and not _roles([names[0]]):
             names = names[1:]  # `#COLS,t_us,rpm`: what the comment is
         taken -= 1
-    if 0 < len(names) < len(units):  # a prompt or a title: the names are units themselves
+    marks = [layout.delimiter in line for _, line in above[taken : taken + 2]]
+    uncut = marks == [False, True] and layout.delimiter != BLANKS and _roles([*units]) > 1
+    if (uncut and names) or 0 < len(names) < len(units):  # a prompt or a title: the names are units themselves
         names, units, taken = units, (), taken + 1
     if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
         names, units = described["names"], described.get("units", units)
@@ -343,8 +349,11 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
     return best if len(best) > 1 and abs(len(best) - layout.width) <= max(2, layout.width // 2) else []
 
 
-def _are_names(cells: list[str], layout: TextLayout) -> bool:
+def _are_names(cells: list[str], layout: TextLayout, line: str = "") -> bool:
+    """Whether cells may be names; of a comment, `# wheel RW-02 run 17`, no number is one."""
     filled = [cell for cell in cells if cell]
+    if is_comment(line, layout) and any(is_number(cell, layout.decimal) for cell in filled):
+        return False
     return bool(filled) and sum(map(layout.is_value, filled)) < MOSTLY * len(filled)
 
 

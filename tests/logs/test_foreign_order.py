@@ -222,6 +222,15 @@ def test_names_of_several_lines_within_quotes_are_names(tmp_path: Path, run: rw_
         _read(tmp_path, broken)
 
 
+def test_what_a_board_says_at_its_start_is_no_name(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`INA219 found at 0x40` above `millis,rpm,mA` is prose, and those are names; so is a comment with a run's number."""
+    text = csv(run, "INA219 found at 0x40\nmillis,rpm,mA", lambda i, t, w, c: f"{1e3 * t:.0f},{w!r},{1e3 * c!r}")
+    assert np.allclose(_read(tmp_path, text).time_s, run.time_s)
+    text = csv(run, "# wheel RW-02  run 17", lambda i, t, w, c: f"{t:.3f}  {w:.3f}  {c:.4f}")
+    (tmp_path / "b.dat").write_text(text)
+    assert not any("RW-02" in question.text for question in rw_ekf.guess_columns(tmp_path / "b.dat").guess.questions)
+
+
 def test_a_minus_of_typography_is_a_minus_among_commas(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Negative numbers of a word processor are no gaps."""
     text = csv(run, "time_s,speed [rad/s],current [A]", lambda i, t, w, c: f"{t!r},{w!r},{c!r}").replace("-", "\u2212")
