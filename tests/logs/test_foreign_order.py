@@ -223,7 +223,7 @@ def test_names_of_several_lines_within_quotes_are_names(tmp_path: Path, run: rw_
 
 
 def test_what_a_board_says_at_its_start_is_no_name(tmp_path: Path, run: rw_ekf.Log) -> None:
-    """`INA219 found at 0x40` above `millis,rpm,mA` is prose, and those are names; so is a comment with a run's number."""
+    """`INA219 found at 0x40` above `millis,rpm,mA` is prose, and those are names; so is a comment of a run."""
     text = csv(run, "INA219 found at 0x40\nmillis,rpm,mA", lambda i, t, w, c: f"{1e3 * t:.0f},{w!r},{1e3 * c!r}")
     assert np.allclose(_read(tmp_path, text).time_s, run.time_s)
     text = csv(run, "# wheel RW-02  run 17", lambda i, t, w, c: f"{t:.3f}  {w:.3f}  {c:.4f}")
