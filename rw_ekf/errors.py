@@ -4,6 +4,7 @@ RwEkfError              exit status 1: the work failed
 ├── BadInputError       exit status 2: a file, key, value or option that the user can mend
 │   ├── UsageError      a command line that is none
 │   ├── ConfigError     a configuration, wire map, model or column map (file:line:column: message; one line per finding)
+│   │   └── NotInstalledError   what a file asks for is there, but not what reads it
 │   └── LogError        a log that cannot be read or used (EmptyLogError: because there is no row in it)
 ├── PictureError        a picture that matplotlib cannot draw; what it shows is there without it
 ├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
@@ -49,6 +50,10 @@ class ConfigError(BadInputError):
     def __reduce__(self) -> tuple[type[ConfigError], tuple[list[str]]]:
         """From another process it comes with each finding by itself."""
         return type(self), (self.findings,)
+
+
+class NotInstalledError(ConfigError):
+    """A file asks for what a package that is not installed does."""
 
 
 class LogError(BadInputError):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.checking.findings import Where
-from rw_ekf.errors import ConfigError
+from rw_ekf.errors import ConfigError, NotInstalledError
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.can.can_file import CanFile, CanMessage
@@ -16,12 +16,13 @@ _MOST_BYTES = 16_000_000
 
 
 def database_of(file: CanFile, where: Where) -> Any:
-    """The cantools database. Raises ConfigError: cantools is missing, or what is wrong with the DBC or the messages."""
+    """The cantools database. Raises NotInstalledError without cantools, ConfigError for a wrong DBC or messages."""
     try:
         import cantools.database as of_cantools
     except ImportError as error:
-        raise ConfigError(
-            f"{where(('family',))}: what reads a map of the family can is not installed ({error.name or error}): "
+        package = (error.name or str(error)).partition(".")[0]
+        raise NotInstalledError(
+            f"{where(('family',))}: what reads a map of the family can is not installed ({package}): "
             'pip install "rw-ekf[can]"'
         ) from None
     if file.dbc is not None:

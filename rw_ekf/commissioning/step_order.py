@@ -20,7 +20,7 @@ from rw_ekf.commissioning.fit_and_diagnosis import make_model
 from rw_ekf.commissioning.identification_run import identify
 from rw_ekf.commissioning.step_context import Work
 from rw_ekf.commissioning.still import measure_still
-from rw_ekf.errors import BadInputError
+from rw_ekf.errors import BadInputError, NotInstalledError
 from rw_ekf.live.stop_signal import stops_heeded
 from rw_ekf.settings.resources import is_path
 
@@ -114,9 +114,7 @@ def _take_up(work: Work) -> None:
 
 def _find(work: Work) -> dict[str, Any]:
     options = work.options
-    names = [_whole(options.protocol)] if options.protocol is not None else shipped_maps()
-    for name in names:
-        work.protocol_of(name)  # a mistake in it is told before any port is opened
+    names = _maps(work)
     ports = [options.port] if options.port is not None else work.ports()
     bauds: list[int | None] = [options.baud] if options.baud is not None else [None, *USUAL_BAUDS]
     work.dialogue.say("find", f"reading only, on {', '.join(ports) or 'no port'}, through {', '.join(names)}")
@@ -129,6 +127,27 @@ def _find(work: Work) -> dict[str, Any]:
     found = find_wheel(search, ports, names, bauds, work.dialogue, may_start)
     work.dialogue.say("find", found.text())
     return found.document()
+
+
+def _maps(work: Work) -> list[str]:
+    """The wire maps to try: the one that was given, else those shipped that can be read with what is installed.
+
+    A mistake in one is told before any port is opened. Raises ConfigError; for one that was given also where what reads
+    it is not installed.
+    """
+    if work.options.protocol is not None:
+        named = _whole(work.options.protocol)
+        work.protocol_of(named)
+        return [named]
+    names = []
+    for name in shipped_maps():
+        try:
+            work.protocol_of(name)
+        except NotInstalledError as error:
+            work.dialogue.say("find", f"{name} is left out: {error.findings[0].partition(': ')[2]}")
+        else:
+            names.append(name)
+    return names
 
 
 def _whole(protocol: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import pytest
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.commissioning.progress import STEPS, Progress
+from rw_ekf.commissioning.step_context import Options
 from rw_ekf.commissioning.step_order import commission
-from rw_ekf.errors import BadInputError, DriverError
+from rw_ekf.errors import BadInputError, ConfigError, DriverError
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from tests.contract import check_document
@@ -92,6 +94,28 @@ def test_a_wheel_whose_telemetry_bears_commands_out_is_commissioned_through_a_me
     """A scale twice what it should be, a sign of the speed or the command: the model is the true wheel's."""
     reported = carry_out(replace(USUAL, family=family, scale=scale, turned=turned))
     assert reported.verdict == "right", reported.reason
+
+
+def test_a_search_leaves_out_the_maps_whose_library_is_not_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without cantools one line says what is left out, all other maps are tried; a CAN map that is named is refused."""
+    monkeypatch.setitem(sys.modules, "cantools", None)
+    monkeypatch.setitem(sys.modules, "cantools.database", None)
+    with StopSignal() as stop:
+        made = rig(USUAL, tmp_path, VirtualClock(), stop)
+        stated: list[str] = []
+        made.work.dialogue.say = lambda step, text: stated.append(text)  # type: ignore[method-assign]
+        made.work.options = Options(str(tmp_path / "nowhere"))
+        with pytest.raises(RefusedError, match="no port could be used"):
+            commission(made.work)
+        left_out, tried = stated
+        assert left_out.startswith("can-wheel is left out: what reads a map of the family can is not installed (canto")
+        assert "through ascii-wheel, nsp-wheel, " in tried
+        assert "can-wheel" not in tried
+        made.work.options = Options(str(tmp_path / "nowhere"), "can-wheel")
+        with pytest.raises(ConfigError, match=r'not installed \(cantools\): pip install "rw-ekf\[can\]"'):
+            commission(made.work)
 
 
 @pytest.mark.slow
