@@ -370,7 +370,11 @@ def test_several_logs_are_fitted_as_one(log: rw_ekf.Log) -> None:
     for nothing in ([], [None], 3):
         with pytest.raises(rw_ekf.Error, match="log"):
             rw_ekf.fit(nothing)  # type: ignore[arg-type]
+    none: Any
     for judge in (rw_ekf.fit, rw_ekf.diagnose):
+        for none in ([], ()):
+            with pytest.raises(rw_ekf.Error, match="no log was given: name one, or several of one wheel"):
+                judge(none)
         with pytest.raises(
             rw_ekf.Error, match=r"simulated P1, log 2: 1200 of its 1200 rows are rows of log 1, time and"
         ):

@@ -64,15 +64,15 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
 
 def one_log(logs: Sequence[WheelLog]) -> WheelLog:
     """Logs joined, with what is said of them among the warnings. Raises LogError for none, and for one given twice."""
-    if not logs:
-        raise LogError("no log was given: name one, or several of one wheel")
-    refuse_twice(logs)
+    refuse_none_or_twice(logs)
     whole = joined(logs)
     return replace(whole.log, warnings=(*whole.log.warnings, *whole.notes))
 
 
-def refuse_twice(logs: Sequence[WheelLog], same_rows: float = SAME_ROWS) -> None:
-    """Raise LogError where nearly all rows of a log are rows of another: what it says would count twice."""
+def refuse_none_or_twice(logs: Sequence[WheelLog], same_rows: float = SAME_ROWS) -> None:
+    """Raise LogError where there is no log, or nearly all rows of one are rows of another and would count twice."""
+    if not logs:
+        raise LogError("no log was given: name one, or several of one wheel")
     for (first, one), (second, other) in combinations(enumerate(logs, 1), 2):
         shared, least = int(np.isin(_rows(other), _rows(one)).sum()), min(len(one), len(other))
         if least >= _LEAST_ROWS and shared >= same_rows * least:

@@ -24,7 +24,7 @@ from rw_ekf.diagnosis.thresholds import (
     SAME_ROWS,
 )
 from rw_ekf.identify.record_scale import noise_beside_motion, rough_parameters
-from rw_ekf.logs.joined import joined, refuse_twice
+from rw_ekf.logs.joined import joined, refuse_none_or_twice
 from rw_ekf.logs.mending import mended
 from rw_ekf.logs.sampling import evenly_stamped, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
@@ -71,9 +71,9 @@ class Source:
 def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
     """Look at the rows of each log, mend what is lost, and join them. given: columns that a model asks for.
 
-    Raises LogError for wild values, and for a log that is given twice.
+    Raises LogError for no log, wild values, and a log that is given twice.
     """
-    refuse_twice(logs, SAME_ROWS)
+    refuse_none_or_twice(logs, SAME_ROWS)
     logs = [evenly_stamped(log) for log in logs]
     seen = [sampling_of(log) for log in logs]
     whole = joined([mended(log, sampling) for log, sampling in zip(logs, seen, strict=True)])
