@@ -20,6 +20,8 @@ from rw_ekf.errors import PictureError, RwEkfError
 P = ParamSpec("P")
 T = TypeVar("T")
 
+_CALLED_BY_PIP = {"PIL": "pillow", "dateutil": "python-dateutil", "mpl_toolkits": "matplotlib"}
+
 
 def picture(function: Callable[P, T]) -> Callable[P, T]:
     """Let a function draw by matplotlib's defaults, with texts as they stand.
@@ -36,13 +38,23 @@ def picture(function: Callable[P, T]) -> Callable[P, T]:
                 return found
         except (RwEkfError, MemoryError):
             raise
-        except ModuleNotFoundError as error:  # all but pictures works without it, where there is none for a machine
-            raise PictureError(f"the picture cannot be drawn: {error.name} is not installed (pip install)") from error
+        except ImportError as error:  # all but pictures works without it, where there is none for a machine
+            raise PictureError(f"the picture cannot be drawn: {_not_imported(error)}") from error
         except Exception as error:
             reason = str(error).strip().split("\n")[0]
             raise PictureError(f"the picture cannot be drawn ({type(error).__name__}: {reason[:200]})") from error
 
     return drawn
+
+
+def _not_imported(error: ImportError) -> str:
+    """What to install, or to install again, so that pictures can be drawn."""
+    module = (error.name or "matplotlib").partition(".")[0]
+    package = _CALLED_BY_PIP.get(module, module)
+    if isinstance(error, ModuleNotFoundError) and error.name == module:
+        return f"{package} is not installed: pip install {package}"
+    reason = str(error).strip().split("\n")[0][:200]
+    return f"{package} is damaged ({reason}): pip install --force-reinstall {package}"
 
 
 def _let_notebooks_show_figures() -> None:

@@ -73,5 +73,31 @@ def test_without_matplotlib_all_but_the_picture_is_as_it_was(tmp_path: Path) -> 
     done = rw_ekf("replay", str(log), "--picture", str(tmp_path / "run.png"), env=env)
     assert done.returncode == 1
     assert "motor_gain" in done.stdout
-    assert "the picture cannot be drawn: matplotlib is not installed" in done.stderr
+    assert "the picture cannot be drawn: matplotlib is not installed: pip install matplotlib;" in done.stderr
     assert rw_ekf("replay", str(log), env=env).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ModuleNotFoundError("no", name="matplotlib"), "matplotlib is not installed: pip install matplotlib"),
+        (
+            ImportError("libpng.so: cannot open", name="matplotlib._path"),
+            r"matplotlib is damaged \(libpng.so: cannot open\): pip install --force-reinstall matplotlib",
+        ),
+        (ImportError("no symbol"), r"matplotlib is damaged \(no symbol\): pip install --force-reinstall matplotlib"),
+        (
+            ModuleNotFoundError("No module named 'PIL._imaging'", name="PIL._imaging"),
+            "pip install --force-reinstall pillow",
+        ),
+    ],
+)
+def test_what_cannot_be_imported_is_told_with_what_to_install(error: ImportError, words: str) -> None:
+    """Whether the package is not there or is a broken one: its name, and the command of pip that mends it."""
+
+    @picture
+    def fails() -> None:
+        raise error
+
+    with pytest.raises(PictureError, match=f"the picture cannot be drawn: .*{words}$"):
+        fails()
