@@ -70,13 +70,28 @@ def log_options(args: argparse.Namespace) -> list[str]:
 
 
 def read_configuration(args: argparse.Namespace) -> Configuration | None:
-    """Read the configuration of --config, if there is one, of the wheel of --wheel."""
+    """Read the configuration of --config, if there is one, of the wheel of --wheel.
+
+    Raises ConfigError, and UsageError for a wheel of no configuration: which wheel of a log is meant, a map tells.
+    """
+    refuse_wheel_of_nothing(args)
     if args.config is None:
         return None
     from rw_ekf.settings.load import load_configuration
 
     STATUS.tell(f"reads the configuration {args.config}")
     return load_configuration(args.config, args.wheel)
+
+
+def refuse_wheel_of_nothing(args: argparse.Namespace) -> None:
+    """Raise UsageError where --wheel has no --config whose wheel it could be."""
+    from rw_ekf.errors import UsageError
+
+    if args.config is None and args.wheel is not None:
+        raise UsageError(
+            f"--wheel {args.wheel}: names one of the wheels of a configuration, and there is none: give --config, or "
+            "leave it out; of a log that holds several wheels a column map says which (`only` or `variable`)"
+        )
 
 
 def read_wheel_model(path: str | None, configuration: Configuration | None = None) -> WheelModel | None:

@@ -161,8 +161,10 @@ def _wheel(args: argparse.Namespace) -> int:
 
 def _configurations(args: argparse.Namespace) -> tuple[Configuration, ...]:
     """Of the wheels that are to be served; none where none is named."""
+    from rw_ekf.commands.inputs import refuse_wheel_of_nothing
     from rw_ekf.settings.load import load_configurations, one_of_wheels
 
+    refuse_wheel_of_nothing(args)
     if args.config is None:
         return ()
     found = load_configurations(args.config)

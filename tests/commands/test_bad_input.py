@@ -144,6 +144,16 @@ def test_options_that_do_not_go_together(tmp_path: Path, capsys: pytest.CaptureF
     assert "--online" in refused(capsys, "replay", log, "--smooth", "--online", "--out", str(tmp_path / "o.csv"))
 
 
+@pytest.mark.parametrize("verb", ["replay", "fit", "diagnose"])
+def test_a_wheel_of_no_configuration_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str) -> None:
+    """--wheel names a wheel of --config: without one it said nothing of the log, and is no longer passed over."""
+    log = str(profile_log(tmp_path / "p2.csv", samples=300))
+    stated = refused(capsys, verb, log, "--wheel", "rw-y")
+    assert "--wheel rw-y: names one of the wheels of a configuration, and there is none: give --config" in stated
+    assert "a column map says which" in stated
+    assert "--wheel rw-y" in refused(capsys, "simulate", "--link", str(tmp_path / "wheel"), "--wheel", "rw-y")
+
+
 def change_model(text: str, old: str, new: str) -> str:
     assert old in text
     return text.replace(old, new)
