@@ -111,7 +111,7 @@ class CanLink:
         return DriverError(
             f"{self.settings.port} opened but no whole cycle of telemetry in {waited_s:.1f} s ({heard.frames} frames, "
             f"{heard.good_frames} of them this map's). Check bus.bitrate ({self._bitrate}), identifiers, termination "
-            "and wheel power, or try the simulated wheel: rw-ekf simulate --config F --link wheel0"
+            "and wheel power, or try the simulated wheel: rw-ekf simulate --config F --link /tmp/wheel0"
         )
 
     def close(self) -> None:

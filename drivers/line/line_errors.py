@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
+import shlex
+from pathlib import Path
 
 from rw_ekf.drivers.line.echo import EchoError
 from rw_ekf.errors import DriverError
@@ -16,7 +19,8 @@ except ImportError:  # not a POSIX system: pyserial raises nothing else there
 # ValueError (file descriptor None or -1), line settings a port refuses give termios.error or NotImplementedError.
 LINE_EXCEPTIONS = (OSError, termios_error, TypeError, AttributeError, ValueError, NotImplementedError)
 
-_HINT_SIMULATE = "or try the simulated wheel: rw-ekf simulate --link wheel0"
+_SIMULATED = "/tmp/wheel0"  # where `rw-ekf simulate` puts its wheel unless told otherwise
+_HINT_SIMULATE = f"or try the simulated wheel at {_SIMULATED}: rw-ekf simulate"
 
 
 def open_error(port: str, error: BaseException, parity: str) -> DriverError:
@@ -33,7 +37,7 @@ def open_error(port: str, error: BaseException, parity: str) -> DriverError:
         )
     if number == errno.ENOENT:
         return DriverError(
-            f"there is no port {port}. Check the name and the cable (ls /dev/ttyUSB* /dev/ttyS*), {_HINT_SIMULATE}"
+            f"there is no port {port}. Check the name and the cable (ls /dev/ttyUSB* /dev/ttyS*), {_hint_at(port)}"
         )
     if number in (errno.EACCES, errno.EPERM):
         return DriverError(
@@ -47,6 +51,18 @@ def open_error(port: str, error: BaseException, parity: str) -> DriverError:
             "simple server needs ?ign_set_control at the end of the port"
         )
     return DriverError(f"{port} could not be opened: {text}. Check the name and the cable, {_HINT_SIMULATE}")
+
+
+def _link_for(port: str) -> str:
+    """Where `rw-ekf simulate --link` can put a wheel: at the port itself, if that is no device's and no address."""
+    is_path = ":" not in port and not Path(port).absolute().is_relative_to("/dev")
+    return shlex.quote(os.path.abspath(port)) if is_path else _SIMULATED
+
+
+def _hint_at(port: str) -> str:
+    """The command that puts a simulated wheel at a port that is not there, or at the usual place."""
+    link = _link_for(port)
+    return _HINT_SIMULATE if link == _SIMULATED else f"or try a simulated wheel there: rw-ekf simulate --link {link}"
 
 
 def lost_error(port: str, error: BaseException) -> DriverError:

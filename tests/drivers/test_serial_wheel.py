@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import pty
@@ -21,6 +22,7 @@ from rw_ekf.checking.findings import Where
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.framing import Frame, decode, encode
 from rw_ekf.drivers.line.line import Exchange
+from rw_ekf.drivers.line.line_errors import open_error
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
@@ -193,6 +195,20 @@ def test_a_lost_wheel_is_a_driver_error_and_can_be_opened_again(
         again.close()
         with pytest.raises(DriverError, match="failed"):
             again.read(0.1)
+
+
+@pytest.mark.parametrize(
+    ("port", "command"),
+    [
+        ("/tmp/wheel0", "or try the simulated wheel at /tmp/wheel0: rw-ekf simulate"),
+        ("/dev/ttyUSB7", "or try the simulated wheel at /tmp/wheel0: rw-ekf simulate"),
+        ("/run/my lab/wheel", "or try a simulated wheel there: rw-ekf simulate --link '/run/my lab/wheel'"),
+        ("wheel0", f"or try a simulated wheel there: rw-ekf simulate --link {Path.cwd() / 'wheel0'}"),
+    ],
+)
+def test_a_port_that_is_not_there_names_the_command_that_serves_a_wheel(port: str, command: str) -> None:
+    """At that very path, unless it is a device's: then the usual one."""
+    assert str(open_error(port, FileNotFoundError(errno.ENOENT, "none"), "none")).endswith(command)
 
 
 def test_nothing_to_open(wire_map: WireMap, tmp_path: Path) -> None:
