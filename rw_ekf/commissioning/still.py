@@ -19,6 +19,7 @@ _POLLS = 60
 _LOOKED_AT = 20  # readings that decide whether it stands
 _LEAST_RAD_S = rad_s_from_rpm(0.2)  # a mean reading below it is rest, whatever the noise
 _LATTICE_SHARE = 0.02  # of a step, by which readings may lie off it
+_FAST_CLOCK = 1.5  # times the computer's: no clock goes so wrong by itself
 _LEAST_VALUES = 3  # that show a lattice
 
 
@@ -63,7 +64,7 @@ def measure_still(bench: Bench, step_rad_s: float) -> Still:
     replies_s = _polled(bench)
     speeds = np.array([row.speed_rad_s for row in rows if row.speed_rad_s is not None])
     if speeds.size < _LOOKED_AT or len(replies_s) < _POLLS // 2:
-        raise RefusedError(f"only {speeds.size} of {len(rows)} readings came: look at the line before anything moves")
+        raise RefusedError(f"{_too_little(rows, speeds.size, len(replies_s))} before anything moves")
     lattice = lattice_of(speeds)
     rounding = max(step_rad_s, lattice or 0.0) / math.sqrt(12.0)
     ppm, jitter_ms = _clock(rows)
@@ -77,6 +78,22 @@ def measure_still(bench: Bench, step_rad_s: float) -> Still:
         ppm,
         jitter_ms,
     )
+
+
+def _too_little(rows: Sequence[Row], speeds: int, replies: int) -> str:
+    """Why there are too few readings, and what to look at."""
+    here_s, there_s = (rows[-1].host_s - rows[0].host_s, rows[-1].time_s - rows[0].time_s) if rows else (0.0, 0.0)
+    if there_s > _FAST_CLOCK * here_s > 0.0:
+        return (
+            f"the wheel's clock went on by {there_s:.3g} s in {here_s:.3g} s of this computer's, "
+            f"{there_s / here_s:.3g} times as fast, so that only {len(rows)} readings came in its {_READINGS_S:g} s: "
+            "mend the unit of uptime in the wire map, or serve a simulated wheel with --speed-factor 1,"
+        )
+    if replies < _POLLS // 2 and speeds >= _LOOKED_AT:
+        return f"only {replies} of {_POLLS} requests one after another were answered: look at the line"
+    if speeds < len(rows):
+        return f"only {speeds} of {len(rows)} readings had a speed: look at the line and at the speed in the wire map"
+    return f"only {len(rows)} readings came in {_READINGS_S:g} s, {_LOOKED_AT} are wanted: look at the line"
 
 
 def lattice_of(values: Float64Array) -> float | None:

@@ -14,6 +14,7 @@ from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.commissioning.progress import STEPS, Progress
 from rw_ekf.commissioning.step_context import Options
 from rw_ekf.commissioning.step_order import commission
+from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.errors import BadInputError, ConfigError, DriverError
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
@@ -116,6 +117,17 @@ def test_a_search_leaves_out_the_maps_whose_library_is_not_installed(
         made.work.options = Options(str(tmp_path / "nowhere"), "can-wheel")
         with pytest.raises(ConfigError, match=r'not installed \(cantools\): pip install "rw-ekf\[can\]"'):
             commission(made.work)
+
+
+def test_a_wheel_whose_clock_goes_twenty_times_as_fast_is_refused_for_its_clock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one that is served with --speed-factor 20: every reading came, and the line is not to blame."""
+    now_s, next_in_s = VirtualCable.now_s, VirtualCable.next_in_s
+    monkeypatch.setattr(VirtualCable, "now_s", lambda cable: 20.0 * now_s(cable))
+    monkeypatch.setattr(VirtualCable, "next_in_s", lambda cable: next_in_s(cable) / 20.0)
+    with StopSignal() as stop, pytest.raises(RefusedError, match=r"the wheel's clock went on by .*, 20 times as fast"):
+        commission(rig(USUAL, tmp_path, VirtualClock(), stop).work)
 
 
 @pytest.mark.slow
