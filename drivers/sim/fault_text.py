@@ -75,6 +75,11 @@ def describe_faults() -> list[str]:
     return [f"{written(word)}  {kind.what}" for word, kind in KINDS.items()]
 
 
+def fault_documents() -> list[dict[str, str]]:
+    """The same as a document has them."""
+    return [{"fault": word, "default": written(word), "meaning": kind.what} for word, kind in KINDS.items()]
+
+
 def written(word: str) -> str:
     """A kind with its amounts' defaults, as one may write it."""
     kind = KINDS[word]

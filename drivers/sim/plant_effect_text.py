@@ -63,6 +63,19 @@ def describe_effects() -> list[str]:
     return lines
 
 
+def effect_documents() -> list[dict[str, object]]:
+    """The same as a document has them, and whether `diagnose` knows the effect."""
+    return [
+        {
+            "effect": name,
+            "in_catalogue": kind.in_catalogue,
+            "parameters": {key: number.default for key, number in kind.numbers.items()},
+            "meaning": kind.meaning,
+        }
+        for name, kind in EFFECTS.items()
+    ]
+
+
 def _value(place: str, name: str, number: Number, text: str) -> float | str:
     """A value as the number's default is: a word or a finite number."""
     if isinstance(number.default, str):

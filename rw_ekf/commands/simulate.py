@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,18 +22,6 @@ EXAMPLE = """example:
   rw-ekf simulate --effects
   rw-ekf simulate fleet --out logs --wheels 20 --days 60 --seed 1"""
 MAX_SPEED_RPM = 1.0e5
-
-
-class _List(argparse.Action):
-    """Print all effects, or faults, that there are, and leave, like --help."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
-        from rw_ekf.drivers.sim.fault_text import describe_faults
-        from rw_ekf.drivers.sim.plant_effect_text import describe_effects
-
-        lines = describe_effects() if self.dest == "effects" else describe_faults()
-        sys.stdout.write("\n".join(lines) + "\n")
-        parser.exit()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help="effects by formulas of your own (YAML), for --effect; see docs/own-effects.md",
     )
-    parser.add_argument("--effects", nargs=0, action=_List, help="list all effects with their parameters")
+    listed = parser.add_mutually_exclusive_group()
+    listed.add_argument("--effects", action="store_true", help="list all effects with their parameters")
     parser.add_argument(
         "--fault",
         metavar="KIND:amount@start:lasts:period,...",
@@ -69,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a fault of the line or the wheel, or NAME=KIND... of one of several wheels; may be repeated",
     )
-    parser.add_argument("--faults", nargs=0, action=_List, help="list all faults with their amounts")
+    listed.add_argument("--faults", action="store_true", help="list all faults with their amounts")
     parser.add_argument("--seed", type=int, default=0, help="of the noise and the faults (default 0)")
     parser.add_argument("--speed-factor", metavar="X", type=float, default=1.0, help="wheel time runs X times as fast")
     parser.add_argument("--initial-speed-rpm", metavar="RPM", type=float, default=0.0, help="speed at the start")
@@ -83,11 +71,28 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb, a wheel until a signal; raises RwEkfError."""
     from rw_ekf.errors import UsageError
 
+    if args.effects or args.faults:
+        return _list(args)
     if args.what == "fleet":
         return _fleet(args)
     if args.out is not None:
         raise UsageError("--out is where `simulate fleet` writes: leave it out, or say fleet")
     return _wheel(args)
+
+
+def _list(args: argparse.Namespace) -> int:
+    """All effects, or faults, that there are."""
+    from rw_ekf.drivers.sim.fault_text import describe_faults, fault_documents
+    from rw_ekf.drivers.sim.plant_effect_text import describe_effects, effect_documents
+
+    of_faults = {"schema": "rw_ekf.simulated_faults/1", "faults": fault_documents()}
+    of_effects = {"schema": "rw_ekf.simulated_effects/1", "effects": effect_documents()}
+    answer(
+        args,
+        lambda: of_effects if args.effects else of_faults,
+        lambda: "\n".join(describe_effects() if args.effects else describe_faults()),
+    )
+    return 0
 
 
 def _fleet(args: argparse.Namespace) -> int:

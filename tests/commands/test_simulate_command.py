@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 
 from rw_ekf.cli import main
 from tests.commands.documents import run_document
+from tests.contract import check_document
 from tests.live.bench import document_of, program, rw_ekf, write_config
 
 
@@ -36,6 +38,20 @@ def test_what_cannot_be_served_is_refused(
     assert errors.startswith("rw-ekf: error: ")
     assert errors.count("\n") == 1
     assert not (tmp_path / "wheel").is_symlink()
+
+
+@pytest.mark.parametrize("listing", ["effects", "faults"])
+def test_a_listing_is_a_document_where_one_is_asked_for(capsys: pytest.CaptureFixture[str], listing: str) -> None:
+    """--json, before the option or behind it, has an entry for each line of the text, in the contract's form."""
+    assert main(["simulate", f"--{listing}"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for arguments in ([f"--{listing}", "--json"], ["--json", f"--{listing}"]):
+        assert main(["simulate", *arguments]) == 0
+        document = json.loads(capsys.readouterr().out)
+        check_document(document)
+        named = [entry[listing[:-1]] for entry in document[listing]]
+        assert len(named) == len(lines)
+        assert all(line.startswith(name) for name, line in zip(named, lines, strict=True))
 
 
 @pytest.mark.parametrize("listing", ["--effects", "--faults"])
