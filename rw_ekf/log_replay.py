@@ -107,7 +107,7 @@ class Run(Shown):
         """What `replay` prints of it."""
         entry = self.entry()
         lines = [entry_text(entry, self.statistics, self.belief, self.setup)]
-        if self.columns is not None and self.as_it_went is not None:
+        if self.as_it_went is not None:
             lines.append(as_it_went_text(entry))
         if self.noise_from is not None:
             noise = rpm_from_rad_s(self.setup.constants.speed_noise_rad_s)

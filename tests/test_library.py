@@ -68,11 +68,12 @@ def test_importing_it_loads_nothing_and_sets_nothing() -> None:
 def test_its_functions_return_what_the_commands_print(
     log: rw_ekf.Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """replay, fit and diagnose of one file: the same document, and the same text."""
+    """replay (with rows and without), fit and diagnose of one file: the same document, and the same text."""
     path = str(tmp_path / "log.csv")
     log.save(path)
     same = rw_ekf.read(path)
     for verb, found, more in (
+        ("replay", rw_ekf.replay(same), ()),
         ("replay", rw_ekf.replay(same), ("--out", str(tmp_path / "rows.csv"))),
         ("fit", rw_ekf.fit(same, noise=True), ("--noise",)),
         ("diagnose", rw_ekf.diagnose(path), ()),
