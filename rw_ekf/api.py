@@ -7,14 +7,15 @@ nothing is printed, and nothing ends the program.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence, ValuesView
+from collections.abc import Callable, Iterator, Mapping, Sequence, ValuesView
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from rw_ekf.attitude_bench.held import Bench, hold_bench
@@ -42,7 +43,8 @@ from rw_ekf.log_simulation import simulate as simulated
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.excerpt import read_log_or_excerpt
 from rw_ekf.logs.joined import one_log
-from rw_ekf.logs.reader import map_of, read_columns, read_log
+from rw_ekf.logs.local_time import zone_of
+from rw_ekf.logs.reader import log_of_arrays, map_of, read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.model_comparison import Comparison, compared
 from rw_ekf.one_thread import one_thread
@@ -51,6 +53,9 @@ from rw_ekf.settings.schema import Configuration
 from rw_ekf.starting_point import setup_of_model
 from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.wheel.model_file import WheelModel as Model
+
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
 
 __all__ = [
     "Bench", "Comparison", "Diagnosis", "Error", "Estimate", "Estimator",
@@ -73,26 +78,50 @@ def _undisturbed() -> Iterator[None]:
 
 
 def read(
-    source: Any,
+    source: Any = None,
     columns: str | Path | ColumnMap | GuessedColumns | None = None,
+    time_zone: str | None = None,
     *,
     wheel: str | int | None = None,
+    **arrays: ArrayLike,
 ) -> Log:
     """Read a log: a file of any form of docs/logs.md, a pandas, polars or arrow table, or a mapping of names to arrays.
+
+    Or arrays by the names that a log's columns have, in place of a source, as `Log.from_arrays` takes them:
+    `read(time_s=..., speed_rad_s=..., current_A=...)`.
 
     columns: the column map of a foreign one, its path, or what `guess_columns` found; without it columns of other names
     are guessed, if that is certain; what the motion then speaks against is among the log's warnings. wheel: of a file
     or table that holds several, the one of that name or number: by the groups that bear it (InfluxDB's tag, a topic),
-    or the rows in which the column that tells them apart has it. Raises Error with file, line and column, and what to
-    do.
+    or the rows in which the column that tells them apart has it. time_zone: in which dates and times are that bear no
+    zone themselves, by its IANA name ("Europe/Berlin"); None: UTC. `time_s` of such a log is in seconds since 1970 in
+    UTC. Raises Error with file, line and column, and what to do.
     """
+    zone = zone_of(time_zone)
+    if source is None or arrays:
+        return _of_arrays(source, arrays, columns, wheel, zone)
     taken = columns.column_map if isinstance(columns, GuessedColumns) else columns
     if wheel is not None:
         taken = replace(map_of(taken), wheel=str(wheel))
     of_file = isinstance(source, str | PathLike)
-    log = read_log(path_of(source, "a log"), taken) if of_file else read_columns(source, taken)
+    log = read_log(path_of(source, "a log"), taken, zone) if of_file else read_columns(source, taken, zone)
     guessed = columns is None and any(source.column != name for name, source in log.sources.items())
     return doubted(log) if guessed else log
+
+
+def _of_arrays(source: Any, arrays: Mapping[str, Any], columns: object, wheel: object, zone: ZoneInfo | None) -> Log:
+    """A log of arrays alone. Raises Error for what does not go with them."""
+    if not arrays:
+        raise Error(
+            "read: a log is wanted: a path, a table, or arrays by name, as time_s=..., speed_rad_s=..., current_A=..."
+        )
+    for name, given in (("source", source), ("columns", columns), ("wheel", wheel)):
+        if given is not None:
+            raise Error(
+                f"read: {name} and arrays by name ({', '.join(arrays)}) do not go together: give a source with its "
+                "columns, time_zone and wheel, or arrays and time_zone"
+            )
+    return log_of_arrays(arrays, "arrays", zone)
 
 
 def guess_columns(source: Any, columns: str | Path | ColumnMap | None = None, **answers: object) -> GuessedColumns:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
+from rw_ekf.logs.local_time import utc_of_local
 from rw_ekf.logs.time_text import past_midnight, seconds_of
+
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
 
 MAX_NAMES_SHOWN = 30
 _SEGMENTS = 2.0**32  # more than any log has
@@ -42,6 +46,7 @@ class RawTable:
     units: dict[str, str] = field(default_factory=dict)  # by name of column, where the file has them beside the names
     remarks: dict[str, str] = field(default_factory=dict)  # by name of column: what the file says of it in prose
     factors: dict[str, Factor] = field(default_factory=dict)  # by name of column
+    zone: ZoneInfo | None = None  # of dates that bear none themselves; None: UTC
     doubts: tuple[str, ...] = ()  # sentences on what its layout leaves open: which cell is whose, what a comma means
 
     def __post_init__(self) -> None:
@@ -74,20 +79,23 @@ class RawTable:
         elif stamps and (pa.types.is_timestamp(kind) or pa.types.is_duration(kind)):
             in_ns = pa.duration("ns") if pa.types.is_duration(kind) else pa.timestamp("ns", kind.tz)
             column = column.cast(in_ns, safe=False).cast(pa.int64())
-            return np.asarray(1.0e-9 * column.to_numpy(zero_copy_only=False))
+            seconds = np.asarray(1.0e-9 * column.to_numpy(zero_copy_only=False))
+            if self.zone is None or pa.types.is_duration(kind) or kind.tz is not None:
+                return seconds
+            return utc_of_local(seconds, self.zone)
         elif stamps and pa.types.is_time(kind):
             ticks = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
             whole = column.cast(pa.int32() if pa.types.is_time32(kind) else pa.int64()).cast(pa.float64())
             return past_midnight(np.asarray(whole.to_numpy(zero_copy_only=False)) / ticks)
         elif (stamps and self.is_text(index)) or pa.types.is_date(kind):
             texts = [None if value is None else str(value) for value in column.to_pylist()]
-            seconds = seconds_of(texts)
-            if seconds is None:
+            found = seconds_of(texts, self.zone)
+            if found is None:
                 raise LogError(
                     f"{self.path}: column '{self.names[index]}' is to be a time and holds what is no number, "
                     f"date or a time of day, such as {next(text for text in texts if text)!r}: name another column"
                 )
-            return seconds
+            return found
         elif not _is_number(kind):
             raise LogError(
                 f"{self.path}: column '{self.names[index]}' holds {kind}, not numbers: convert it to a number "

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from rw_ekf.logs.side_by_side import beside_each_other, in_turn, with_whole_time
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.logs.which_wheel import rows_of_wheel
 
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
+
 # What stands in for the command's options where a table in memory is read.
 _ANSWER = re.compile(r"--set ([\w.]+)=([^\s,;]*[^\s,;.])")
 _IN_PYTHON = {
@@ -42,21 +45,24 @@ _IN_PYTHON = {
 }
 
 
-def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) -> WheelLog:
+def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None, zone: ZoneInfo | None = None) -> WheelLog:
     """Read one log: CSV, Parquet or MATLAB, told apart by content; CSV may be compressed with gzip or zstd.
 
     STEM.csv stands for all the parts of a run, which are read as if they were one file (docs/logs.md).
-    columns: the column map of a foreign log, or the path of one.
+    columns: the column map of a foreign log, or the path of one. zone: of dates that bear none; None: UTC.
     Raises LogError (file, line, column, what to do) if the log cannot be used, ConfigError if the map is wrong.
     A log of one row, or without a single speed, is an error only for who needs more: it is read, with a warning.
     """
     column_map = map_of(columns)
-    return _log_of_any(read_table(path_of(path, "a log"), column_map), column_map)
+    table = read_table(path_of(path, "a log"), column_map)
+    table.zone = zone
+    return _log_of_any(table, column_map)
 
 
-def read_columns(source: Any, columns: ColumnMap | str | Path | None = None) -> WheelLog:
+def read_columns(source: Any, columns: ColumnMap | str | Path | None = None, zone: ZoneInfo | None = None) -> WheelLog:
     """A log of a table in memory: pandas, polars, arrow, or a mapping of names to arrays. Raises LogError."""
     table, column_map = table_in_memory(source), map_of(columns)
+    table.zone = zone
     with _worded_for_python():
         log = _log_of_any(table, column_map)
     return replace(log, warnings=tuple(map(_in_python, log.warnings)))
@@ -141,9 +147,10 @@ def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
     return Assembly(columns).whole(table)
 
 
-def log_of_arrays(columns: Mapping[str, Any], name: str) -> WheelLog:
+def log_of_arrays(columns: Mapping[str, Any], name: str, zone: ZoneInfo | None = None) -> WheelLog:
     """A log of columns in memory (name -> n values) of a log's own names. Raises LogError as `read_log`."""
     table = _table_of(columns, str(name))
+    table.zone = zone
     with _worded_for_python():
         return log_of_table(table, ColumnMap())
 

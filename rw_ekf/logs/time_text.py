@@ -1,8 +1,8 @@
 """Dates and times of day as text, in seconds.
 
-A date counts from 1970 in UTC (without a zone: as if it were UTC). A time of day alone counts from midnight, and a day
-is added where it begins anew. `05/04/2026` is the fifth of April unless some second number is above 12: within a run it
-makes no difference.
+A date counts from 1970 in UTC (without a zone: in the one that is given, else as if it were UTC). A time of day alone
+counts from midnight, and a day is added where it begins anew. `05/04/2026` is the fifth of April unless some second
+number is above 12: within a run it makes no difference.
 """
 
 from __future__ import annotations
@@ -11,10 +11,15 @@ import datetime
 import math
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.local_time import utc_of_local
+
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
 
 DAY_S = 86400.0
 _MONTHS = {
@@ -52,8 +57,11 @@ def is_odd_stamp(text: str) -> bool:
     )
 
 
-def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
-    """Seconds (n,) of stamps, NaN where a cell is empty; None where one of them is no stamp."""
+def seconds_of(cells: Sequence[str | None], zone: ZoneInfo | None = None) -> Float64Array | None:
+    """Seconds (n,) of stamps, NaN where a cell is empty; None where one of them is no stamp.
+
+    zone: of dates that bear none themselves; None: UTC.
+    """
     first = next((cell.strip() for cell in cells if cell and cell.strip()), "")
     if _OF_AN_HOUR.fullmatch(first):
         stated = [cell.strip() if cell else "" for cell in cells]
@@ -64,7 +72,7 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
     cells = _with_colons(cells)
     order = _order(cells)
     days: dict[str, float] = {}
-    found = np.full(len(cells), np.nan)
+    found, is_local = np.full(len(cells), np.nan), np.zeros(len(cells), dtype=np.bool_)
     dated = False
     for row, cell in enumerate(cells):
         text = "" if cell is None else cell.strip()
@@ -78,7 +86,7 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
             return None
         seconds = 0.0
         if match["date"]:
-            dated = True
+            dated, is_local[row] = True, match["zone"] is None
             if match["date"] not in days:
                 day = _day(match["date"], order)
                 if day is None:
@@ -90,6 +98,8 @@ def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
         if match["h"]:
             seconds += _of_day(match)
         found[row] = seconds - _zone_s(match["zone"])
+    if zone is not None:
+        found[is_local] = utc_of_local(found[is_local], zone)
     return found if dated else past_midnight(_past_noon(found))
 
 
