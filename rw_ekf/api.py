@@ -242,6 +242,9 @@ class _OwnLoop(Section):
     speed_noise_rpm: float = Field(gt=0, le=1e4, description="standard deviation of one speed reading [rpm]")
     acceleration_noise_rpm_per_sqrt_s: float = Field(ge=0, le=1e4, description="random walk of the speed [rpm/sqrt(s)]")
     period_s: float = Field(gt=0, description="usual time between two steps [s]")
+    inertia_kg_m2: float | None = Field(
+        None, gt=0, description="of the wheel [kg m^2]; it turns frictions into torques"
+    )
     motor_gain: _ValueAndStd | None = Field(None, strict=False, description="value and std [rad/s^2/A]")
     viscous: _ValueAndStd | None = Field(None, strict=False, description="value and std [1/s]")
     coulomb: _ValueAndStd | None = Field(None, strict=False, description="value and std [rad/s^2]")
@@ -261,21 +264,26 @@ class Estimator:
         speed_noise_rpm: float = 1.0,
         acceleration_noise_rpm_per_sqrt_s: float = 0.03,
         period_s: float = 0.1,
+        inertia_kg_m2: float | None = None,
         **priors: tuple[float, float],
     ) -> None:
         """Start from a model, else from the prior around [CK13]; noises that the model knows are the model's.
 
         priors: motor_gain, viscous, coulomb, static as (value, standard deviation), in place of either's. period_s:
-        usual time between two steps; a gap is never shorter than five of it. Raises Error.
+        usual time between two steps; a gap is never shorter than five of it. inertia_kg_m2: for
+        `Estimate.friction_torque`; None: the model's, if somebody gave it one. Raises Error.
         """
         numbers: dict[str, Any] = {
             "speed_noise_rpm": speed_noise_rpm, "period_s": period_s,
-            "acceleration_noise_rpm_per_sqrt_s": acceleration_noise_rpm_per_sqrt_s,
+            "acceleration_noise_rpm_per_sqrt_s": acceleration_noise_rpm_per_sqrt_s, "inertia_kg_m2": inertia_kg_m2,
         }  # fmt: skip
         given = arguments(_OwnLoop, numbers | priors, "Estimator")
         noise, period_s = rad_s_from_rpm(given.speed_noise_rpm), given.period_s
         torque_noise = rad_s_from_rpm(given.acceleration_noise_rpm_per_sqrt_s)
         known = _model(model)
+        self._inertia_kg_m2 = given.inertia_kg_m2
+        if known is not None and not known.inertia_is_assumed:
+            self._inertia_kg_m2 = given.inertia_kg_m2 or known.inertia_kg_m2
         if known is None:
             belief, effects, drift = DEFAULT_PRIOR, None, None
             constants = filter_constants(
@@ -308,7 +316,7 @@ class Estimator:
         sample = WheelSample(time_s, _finite_or_none("speed_rad_s", speed_rad_s), **reported, segment=int(segment))  # type: ignore[arg-type]
         estimate = self._filter.step(sample)
         self._filter.command_issued(IssuedCommand(current_A))
-        return estimate
+        return estimate if self._inertia_kg_m2 is None else replace(estimate, inertia_kg_m2=self._inertia_kg_m2)
 
     @property
     def findings(self) -> list[str]:

@@ -94,6 +94,21 @@ class Run(Shown):
         """A row per sample, as `replay --out` writes them. Raises ValueError where they were not kept."""
         return table_of(self._rows())
 
+    @property
+    def estimates(self) -> dict[str, Float64Array]:
+        """What the filter believed at each sample (n,), by the names of the states, in their units.
+
+        Raises ValueError where the rows were not kept; `replay` of the library keeps them.
+        """
+        rows = self._rows()
+        return {name: rows[name] for name in self.setup.state_names}
+
+    @property
+    def innovation(self) -> Float64Array:
+        """Reading less prediction at each sample [rad/s], (n,), NaN where there was none. Raises as `estimates`."""
+        innovation: Float64Array = self._rows()["innovation_rad_s"]
+        return innovation
+
     def entry(self) -> dict[str, Any]:
         """What the document of `replay --json` has of this log."""
         return log_entry(self.log.name, self.statistics, self.belief, self.setup, self.warnings, self.as_it_went)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from rw_ekf.errors import BadInputError
+
 if TYPE_CHECKING:
     from rw_ekf.arrays import Float64Array
 
@@ -229,6 +231,7 @@ class Estimate:
     friction: Friction | None = field(default=None, compare=False, repr=False)
     current: Callable[[float], float] | None = field(default=None, compare=False, repr=False)
     ahead: Callable[[float | None], Outlook] | None = field(default=None, compare=False, repr=False)
+    inertia_kg_m2: float | None = field(default=None, compare=False, repr=False)  # None: nobody gave it
 
     @property
     def mean(self) -> WheelState:
@@ -245,8 +248,21 @@ class Estimate:
             raise ValueError(_NO_FRICTION)
         return self.friction.believed_rad_s2(speed_rad_s)
 
+    def friction_torque(self, speed_rad_s: float | None = None) -> Believed:
+        """The same in N m, the inertia taken for known: value and standard deviation.
+
+        Raises BadInputError where nobody gave the inertia, ValueError for an estimate that no estimator made.
+        """
+        if self.inertia_kg_m2 is None:
+            raise BadInputError(
+                "friction_torque: in N m it goes with the inertia, which is not known: give the Estimator "
+                "`inertia_kg_m2`, or take friction_torque_rad_s2, per unit inertia"
+            )
+        believed = self.friction_torque_rad_s2(speed_rad_s)
+        return Believed(self.inertia_kg_m2 * believed.value, self.inertia_kg_m2 * believed.std)
+
     def friction_value_rad_s2(self, speed_rad_s: float | None = None) -> float:
-        """The same without its standard deviation, in a tenth of the time: what a compensation asks for each turn."""
+        """Per unit inertia, without its deviation, in a tenth of the time: what a compensation asks for each turn."""
         if self.friction is None:
             raise ValueError(_NO_FRICTION)
         return self.friction.value_rad_s2(speed_rad_s)

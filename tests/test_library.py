@@ -129,6 +129,48 @@ def test_an_own_loop_is_the_replay_of_its_log(log: rw_ekf.Log, tmp_path: Path) -
         rw_ekf.Estimator(gain=(1.0, 1.0))
 
 
+def test_what_a_run_and_a_diagnosis_found_is_there_by_name(log: rw_ekf.Log) -> None:
+    """Arrays of a run are its table's columns; candidates and probabilities the document's, curves what is drawn."""
+    run = rw_ekf.replay(log)
+    offset = rw_ekf.simulate("P1", effects=["offset_torque:torque_rad_s2=0.1"], seed=3, duration_s=120.0)
+    found = rw_ekf.diagnose(offset)
+    assert list(run.estimates) == ["speed_rad_s", *PARAMETER_NAMES]
+    for name, values in (*run.estimates.items(), ("innovation_rad_s", run.innovation)):
+        assert np.array_equal(values, run.table[name].to_numpy(), equal_nan=True)
+    document = found.document()
+    assert found.candidates == document["candidates"]
+    assert found.probabilities == document["verdict"]["posterior"]
+    assert found.verdict["effects"] == ["offset_torque"]
+    (curve,) = found.curves
+    assert len(curve.x) == len(curve.y) == len(curve.error) > 5
+    assert curve.law_x is not None
+    assert curve.law_y is not None
+    assert len(curve.law_x) == len(curve.law_y) > 5
+    still = rw_ekf.Log.from_arrays(log.time_s, speed_rad_s=0.0 * log.speed_rad_s, current_A=log.current_A)
+    nothing = rw_ekf.diagnose(still)
+    assert (nothing.candidates, nothing.probabilities, nothing.curves) == ([], {}, [])
+
+
+def test_a_friction_torque_is_told_where_somebody_gave_the_inertia(log: rw_ekf.Log) -> None:
+    """In N m it is the inertia times that per unit inertia; a default that nobody gave is refused."""
+    assumed = rw_ekf.fit(log).model
+    assert assumed.inertia_is_assumed
+    with pytest.raises(rw_ekf.Error, match="inertia, which is not known: give the Estimator `inertia_kg_m2`"):
+        rw_ekf.Estimator(assumed).step(0.0, 1.0, 0.1).friction_torque()
+    known = replace(assumed, inertia_kg_m2=2.0e-3, inertia_is_assumed=False)
+    for estimator, inertia in (
+        (rw_ekf.Estimator(assumed, inertia_kg_m2=1.0e-3), 1.0e-3),
+        (rw_ekf.Estimator(known), 2.0e-3),
+        (rw_ekf.Estimator(known, inertia_kg_m2=1.0e-3), 1.0e-3),
+        (rw_ekf.Estimator(inertia_kg_m2=1.0e-3), 1.0e-3),
+    ):
+        estimate = estimator.step(0.0, 1.0, 0.1)
+        torque, per_inertia = estimate.friction_torque(30.0), estimate.friction_torque_rad_s2(30.0)
+        assert torque == pytest.approx((inertia * per_inertia.value, inertia * per_inertia.std))
+    with pytest.raises(rw_ekf.Error, match="inertia_kg_m2 must be above 0"):
+        rw_ekf.Estimator(inertia_kg_m2=0.0)
+
+
 def test_two_models_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Fits of two logs of one wheel agree; one of a wheel with twice the friction is far off and less likely.
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
+    from rw_ekf.diagnosis.report.curves import Curve
+
 
 class Diagnosis(Outcome, Shown):
     """The outcome of `diagnose` for one log, with all that is told of it."""
@@ -41,6 +43,26 @@ class Diagnosis(Outcome, Shown):
         """Kind, effects, probabilities and the sentence."""
         found: dict[str, Any] = self.document()["verdict"]
         return found
+
+    @property
+    def candidates(self) -> list[dict[str, Any]]:
+        """What was tried, strongest first, as the document has it; empty where the excitation is insufficient."""
+        found: list[dict[str, Any]] = self.document()["candidates"]
+        return found
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """How probable each effect is, by id, `none` and `something_else` too; empty where nothing was weighed."""
+        return dict(self.verdict["posterior"] or {})
+
+    @property
+    def curves(self) -> list[Curve]:
+        """What `cause.png` draws: of each named cause its law among the measured points, in the units of its labels."""
+        from rw_ekf.diagnosis.report.cause_curve import cause_curves
+        from rw_ekf.effects.catalogue import with_own
+
+        with with_own(() if self.model is None else self.model.own_effects):
+            return cause_curves(self, Units(self.in_rpm, self.inertia_kg_m2))
 
     @property
     def table(self) -> pa.Table:
