@@ -367,10 +367,14 @@ def test_a_step_that_is_refused_leaves_the_filter_as_it_was(
 
 
 def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: Path) -> None:
-    """`report` writes the page; the model, where there is one, goes on to replay and Estimator."""
+    """`report` writes the page into a folder; the model, where there is one, goes on to replay and Estimator."""
     found = rw_ekf.diagnose([log])
     files = found.report(tmp_path)
     assert (tmp_path / "report.html") in files
+    for name in ("x.html", "x.PDF"):
+        with pytest.raises(rw_ekf.Error, match=f"{name}: a report is a folder, with its page in it as report.html"):
+            found.report(tmp_path / name)
+        assert not (tmp_path / name).exists()
     assert json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8")) == json.loads(found.to_json())
     assert found.table.num_rows == len(log)
     if found.model is not None:

@@ -98,8 +98,10 @@ def execute(args: argparse.Namespace) -> int:
 
 def _make_ready(directory: Path) -> None:
     """Make the place of the report, or refuse it, before the work that would have nowhere to go."""
+    from rw_ekf.diagnosis.report.diagnosis_page import refuse_name_of_page
     from rw_ekf.errors import BadInputError
 
+    refuse_name_of_page(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         reason = None if os.access(directory, os.W_OK | os.X_OK) else "Permission denied"

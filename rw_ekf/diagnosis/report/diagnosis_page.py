@@ -27,6 +27,7 @@ from rw_ekf.diagnosis.report.template_engine import rendered
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, verdict_of
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.documents import inertia_text
+from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from rw_ekf.diagnosis.outcome import Outcome
 
 DOCUMENT, PAGE = "diagnosis.json", "report.html"
+_PAGES = (".html", ".htm", ".pdf")  # what one file would be called
 _EARLIER = "evidence.png"  # as the evidence was drawn before: of an earlier run, and so removed
 
 
@@ -96,15 +98,25 @@ def page(
     return rendered("report.html", values)
 
 
+def refuse_name_of_page(directory: Path) -> None:
+    """Raise BadInputError for a name such as x.html: what is written is a folder, and a page in it."""
+    if directory.suffix.lower() in _PAGES and not directory.is_dir():
+        raise BadInputError(
+            f"{directory}: a report is a folder, with its page in it as {PAGE}: give the name of a folder, such as "
+            f"{directory.with_suffix('')}"
+        )
+
+
 def write_report(directory: Path, diagnosis: Outcome, options: Sequence[str] = ()) -> list[Path]:
     """Write everything into `directory`, each file whole or not at all, pictures last; returns what was written.
 
     options: of the command line with which the log was read, for the commands that the page shows.
     What an earlier run left there and this one does not have (a model, a picture) is removed.
-    Raises BadInputError if the place cannot be written, PictureError, after all else is, for pictures that cannot be
-    drawn.
+    Raises BadInputError if the place cannot be written or is named like a page, PictureError, after all else is, for
+    pictures that cannot be drawn.
     """
     units, document = Units(diagnosis.in_rpm, diagnosis.inertia_kg_m2), diagnosis.document()
+    refuse_name_of_page(directory)
     make_folder(directory)
     written = [directory / DOCUMENT]
     write_text(written[0], json_text(document))
