@@ -251,6 +251,7 @@ def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
         ("bench", {"seeds": 0}, "seeds: 0 is no whole number from 1 to 1000"),
         ("bench", {"seeds": 1.5}, "seeds: 1.5 is no whole number"),
         ("bench", {"schemes": []}, "schemes: none is named; there are pid_current"),
+        ("bench", {"schemes": ["nonsense"]}, "^schemes: 'nonsense': there is no such scheme; there are pid_current"),
         ("bench", {"schemes": [3]}, "schemes: names are wanted, in a list; found int 3"),
         ("bench", {"effects": "foo"}, "unknown effect 'foo' in 'foo'"),
         ("simulate", {"effects": [3]}, "effects: names are wanted, in a list; found int 3"),

@@ -100,7 +100,7 @@ def schemes_of(wanted: Sequence[str] | str | None) -> list[str]:
         raise BadInputError(f"schemes: none is named; there are {', '.join(SCHEMES)}")
     for name in wanted:
         if name not in SCHEMES:
-            raise BadInputError(f"--schemes {name}: there is no such scheme; there are {', '.join(SCHEMES)}")
+            raise BadInputError(f"schemes: {name!r}: there is no such scheme; there are {', '.join(SCHEMES)}")
     return [name for name in SCHEMES if name in wanted]
 
 
