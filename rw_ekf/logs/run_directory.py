@@ -11,10 +11,10 @@ from rw_ekf.logs.parts import FORMS, PartName, beside
 DIAGNOSED_MODEL = "augmented-model.yaml"
 
 
-def runs_of(directory: Path) -> tuple[list[Path], list[Path]]:
+def runs_of(directory: Path, advice: str = "name the files themselves") -> tuple[list[Path], list[Path]]:
     """The log of each run (STEM.csv, whatever form its parts have), oldest first; then the logs that no run wrote.
 
-    Raises LogError where there is neither, ConfigError for damaged metadata.
+    Raises LogError where there is neither, with advice, ConfigError for damaged metadata.
     """
     try:
         names = sorted(entry.name for entry in directory.iterdir() if not entry.name.startswith("."))
@@ -30,7 +30,7 @@ def runs_of(directory: Path) -> tuple[list[Path], list[Path]]:
         else:
             runs.append((metadata.first_sample_utc, stem, log))
     if not runs and not others:
-        raise LogError(f"{directory}: is a directory that holds no log ({', '.join(FORMS)}); name the files themselves")
+        raise LogError(f"{directory}: is a directory that holds no log ({', '.join(FORMS)}); {advice}")
     return [log for _, _, log in sorted(runs)], others
 
 

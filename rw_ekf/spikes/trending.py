@@ -54,7 +54,7 @@ def spikes_of_directory(directory: Path, train_s: float) -> tuple[list[WheelSpik
     train_s: spikes that set in no later than this after the one before (time watched) belong to one train. Raises
     LogError where there is no run, ConfigError for damaged metadata.
     """
-    logs, others = runs_of(directory)
+    logs, others = runs_of(directory, "name one that runs were written into (`output.directory`)")
     warnings = [no_run(log) for log in others]
     if not logs:
         raise LogError(f"{directory}: is a directory that holds no run, a log with its .meta.yaml beside it")

@@ -147,9 +147,11 @@ def test_a_picture_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 @pytest.mark.parametrize("name", ["empty", "gone"])
 def test_a_directory_without_runs_is_refused(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No run, no directory: status 2 and a sentence."""
+    """No run, no directory: status 2 and a sentence, which asks for a directory and not for files."""
     (tmp_path / "empty").mkdir()
     assert main(["spikes", str(tmp_path / name)]) == 2
     out, errors = capsys.readouterr()
     assert out == ""
     assert name in errors
+    assert "files themselves" not in errors
+    assert name == "gone" or "name one that runs were written into (`output.directory`)" in errors
