@@ -43,7 +43,7 @@ def duration_s(text: str, *, or_zero: bool = False) -> float:
     seconds = seconds_from(text)
     if seconds is None or not 0.0 <= seconds < math.inf or (seconds == 0.0 and not or_zero):
         kind = "duration" if or_zero else "duration above zero"
-        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}: write 90, 90s, 10m or 2h")
+        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}: write 90, 90s, 10m, 2h, 1d or 1h30m")
     return seconds
 
 

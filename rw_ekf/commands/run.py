@@ -57,7 +57,7 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     """Options that `excite` shares."""
     add_config_option(parser, required=True)
     parser.add_argument(
-        "--duration", metavar="T", type=duration_s, help="end after samples of so long: 90 or 90s, 10m, 2h"
+        "--duration", metavar="T", type=duration_s, help="end after samples of so long: 90 or 90s, 10m, 2h, 1d, 1h30m"
     )
     parser.add_argument(
         "--model", metavar="F", help="model YAML to start from, effects included, instead of the configuration's"

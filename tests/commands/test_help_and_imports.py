@@ -93,7 +93,18 @@ def test_config_and_out_have_one_letter_wherever_they_are() -> None:
 
 @pytest.mark.parametrize(
     ("text", "seconds"),
-    [("90", 90.0), ("90s", 90.0), ("10m", 600.0), ("1.5h", 5400.0), ("2min", 120.0), ("16ms", 0.016)],
+    [
+        ("90", 90.0),
+        ("90s", 90.0),
+        ("10m", 600.0),
+        ("1.5h", 5400.0),
+        ("2min", 120.0),
+        ("16ms", 0.016),
+        ("1d", 86400.0),
+        ("1h30m", 5400.0),
+        ("1d12h", 129600.0),
+        ("2min30.5s", 150.5),
+    ],
 )
 def test_a_duration_has_a_unit_or_is_in_seconds(text: str, seconds: float) -> None:
     """The options of all verbs take the same spellings."""
@@ -104,7 +115,9 @@ def test_a_duration_has_a_unit_or_is_in_seconds(text: str, seconds: float) -> No
 
 
 @pytest.mark.parametrize("option", [("run", "-c", "x.yaml", "--duration"), ("flyby", "--avoid")])
-@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "1e999", "soon", "5 parsecs", "10M"])
+@pytest.mark.parametrize(
+    "text", ["0", "-1", "nan", "inf", "1e999", "soon", "5 parsecs", "10M", "30m1h", "1.5h30m", "1h30", ""]
+)
 def test_a_duration_must_be_above_zero(option: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Anything else is wrong usage, and what was found is named."""
     assert main([*option, text]) == 2
