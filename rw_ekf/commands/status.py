@@ -83,6 +83,7 @@ def _document(found: Published) -> dict[str, Any]:
         "alive": found.alive,
         "pid": reported["pid"],
         "utc": reported.get("utc"),
+        "began_utc": reported.get("began_utc"),
         "dead_since_utc": None if found.alive else reported.get("ended_utc") or reported.get("utc"),
         "ended_utc": reported.get("ended_utc"),
         "state": found.run_state,
@@ -99,7 +100,7 @@ def _document(found: Published) -> dict[str, Any]:
 
 
 def _unknown(*, alive: bool, pid: int | None, reason: str) -> dict[str, Any]:
-    keys = ("utc", "dead_since_utc", "ended_utc", "state", "since_utc", "link")
+    keys = ("utc", "began_utc", "dead_since_utc", "ended_utc", "state", "since_utc", "link")
     rest = ("estimate", "current_command_A", "temperature_degC", "log")
     return {
         "schema": "rw_ekf.status/1",
@@ -135,14 +136,18 @@ def _age_s(utc: Any, now: Any) -> float:
 
 
 def _headline(document: dict[str, Any]) -> str:
+    from rw_ekf.logs.metadata import after_start
+
     state, reason = document["state"], document["reason"]
+    after = after_start(document["began_utc"], document["since_utc"])
     if document["alive"]:
-        since = f" since {document['since_utc']}" if document["since_utc"] else ""
+        since = f" since {document['since_utc']}{after}" if document["since_utc"] else ""
         return f"{state or 'unknown'}{since} (process {document['pid']}): {reason}"
     if state is None:
         return f"dead: {reason}"
     over = "ended at" if document.get("ended_utc") else "dead since"
-    return f"{over} {document['dead_since_utc']}; it was {state} since {document['since_utc']}: {reason}"
+    ran = after_start(document["began_utc"], document["dead_since_utc"])
+    return f"{over} {document['dead_since_utc']}{ran}; it was {state} since {document['since_utc']}{after}: {reason}"
 
 
 def _lines(document: dict[str, Any]) -> list[str]:

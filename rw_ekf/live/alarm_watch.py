@@ -7,6 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock
+from rw_ekf.logs.metadata import after_start, utc_text
 from rw_ekf.records import ActiveAlarm, Alarms, Tick
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
@@ -29,7 +30,8 @@ class AlarmWatch:
         self._active: dict[str, ActiveAlarm] = {}
         self._sentences: list[str] = []
         self._more = 0
-        self._began: tuple[datetime, float] | None = None  # hour and time of the first sample
+        self._began: tuple[datetime, float] | None = None  # hour and time of the first sample since the clock's start
+        self._run_began: str | None = None  # UTC of the run's first sample
         self._segment = 0
 
     def step(self, tick: Tick) -> Alarms:
@@ -39,6 +41,7 @@ class AlarmWatch:
         sample = tick.sample
         if self._began is None or sample.segment != self._segment:  # the wheel's clock began anew, or jumped
             self._began = self._clock.utc(), sample.time_s
+            self._run_began = self._run_began or utc_text(self._began[0])
         self._segment = sample.segment
         try:
             news = self._watch.step(tick)
@@ -66,12 +69,12 @@ class AlarmWatch:
             since = before.since_utc
         entry = {"since_utc": since, "since_s": alarm.since_s, **alarm.details}
         if alarm.ended_s is None:
-            sentence = alarm.sentence(since)
+            sentence = alarm.sentence(self._words(since))
             reported = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, alarm.details)
             self._active[alarm.name] = reported
         else:
             ended = self._utc(alarm.ended_s, time_s)
-            sentence = alarm.sentence(since, ended)
+            sentence = alarm.sentence(self._words(since), self._words(ended))
             details = {**alarm.details, "ended_utc": ended, "ended_s": alarm.ended_s}
             reported = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, details)
             entry |= details
@@ -83,6 +86,10 @@ class AlarmWatch:
         else:
             self._more += 1
         return reported
+
+    def _words(self, utc: str) -> str:
+        """A time as a person reads it: UTC, and since the run's start."""
+        return f"{utc}{after_start(self._run_began, utc)}"
 
     def _utc(self, time_s: float, now_s: float) -> str:
         """UTC of a time of the log [s], given that it is now_s now; the wheel's clock may run at any rate."""

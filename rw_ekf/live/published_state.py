@@ -53,6 +53,7 @@ class _StateFile(BaseModel, extra="allow"):
     resume_signal: StrictInt | None = None
     run_state: str
     utc: str | None = None
+    began_utc: str | None = None
     ended_utc: str | None = None
     since_utc: str | None = None
     reason: str | None = None

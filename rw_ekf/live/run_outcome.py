@@ -55,6 +55,7 @@ class RunOutcome:
             by="halt" if self.halted is not None else self.stopped_by or "duration",
             state=self.state.state.value,
             samples=self.statistics.samples,
+            lasted_s=round(self.statistics.duration_s, 1),
             zero_current=zero,
         )
 

@@ -49,7 +49,8 @@ class RunStates:
         self._bad_share = 0.0
         self._resume_wanted = False
         self.forbidden: str | None = None  # why it must not be driven for the rest of the run, whoever says what
-        self.now = StateNow(RunState.CONNECTING, utc_text(clock.utc()), "the line has been opened")
+        self._began = clock.utc()
+        self.now = StateNow(RunState.CONNECTING, utc_text(self._began), "the line has been opened")
 
     @property
     def is_safe(self) -> bool:
@@ -126,5 +127,7 @@ class RunStates:
         return None
 
     def _go(self, state: RunState, reason: str) -> None:
-        was, self.now = self.now.state, StateNow(state, utc_text(self._clock.utc()), reason)
-        self._note("state", state=state.value, was=was.value, reason=reason)
+        now = self._clock.utc()
+        was, self.now = self.now.state, StateNow(state, utc_text(now), reason)
+        since_start_s = round((now - self._began).total_seconds(), 1)
+        self._note("state", state=state.value, was=was.value, since_start_s=since_start_s, reason=reason)

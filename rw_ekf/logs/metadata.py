@@ -41,6 +41,18 @@ def moment_of(text: Any) -> datetime | None:
         return None
 
 
+def seconds_between(began: Any, at: Any) -> float | None:
+    """Time [s] from one moment in UTC to another, as texts; None where one of them is none."""
+    begin, end = moment_of(began), moment_of(at)
+    return None if begin is None or end is None else (end - begin).total_seconds()
+
+
+def after_start(began: Any, at: Any, of: str = "the run's start") -> str:
+    """How long after its beginning a moment was, for a person, in front of a bracket; empty where that is not known."""
+    seconds = seconds_between(began, at)
+    return "" if seconds is None or seconds < 0.0 else f" ({seconds:.1f} s after {of})"
+
+
 def metadata_path(log: str | Path) -> Path:
     """Path of the metadata that belong to a log, or to a part of it: run.csv, run.part002.csv.zst -> run.meta.yaml."""
     return beside(log, "meta.yaml")

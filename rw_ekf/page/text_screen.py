@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from rw_ekf.logs.metadata import after_start
 from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -23,9 +24,9 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
     shown = document.get("run_state") if document.get("alive") else "ended" if document.get("ended_utc") else "dead"
     label = min(28, width // 3)
     began = document.get("since_utc") if document.get("alive") else document.get("ended_utc") or document.get("utc")
-    since = str(began or "")[11:19]
+    since, after = str(began or "")[11:19], after_start(document.get("began_utc"), began)
     lines = [
-        f"{document.get('wheel')} on {document.get('port')}   {shown}{f' since {since} UTC' if since else ''}",
+        f"{document.get('wheel')} on {document.get('port')}   {shown}{f' since {since} UTC{after}' if since else ''}",
         f"{document.get('reason') or ''}",
         f"line {link.get('state')}: {_short(link.get('reply_ms'))} ms a reply, {link.get('timeouts', 0)} silent, "
         f"{link.get('damaged', 0)} damaged, {link.get('stale', 0)} late, {link.get('reconnects', 0)} reconnections",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import LogError, RwEkfError
-from rw_ekf.logs.metadata import moment_of, read_metadata
+from rw_ekf.logs.metadata import moment_of, read_metadata, seconds_between
 from rw_ekf.logs.parts import beside, parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.numbers import number_of
@@ -35,6 +35,7 @@ class Spike:
     percent_of_coulomb: float | None
     decay_s: float | None
     end: str | None  # as the watch said; None: the run ended first
+    since_start_s: float | None = None  # from the run's start to its onset
 
 
 @dataclass
@@ -44,6 +45,7 @@ class RunEvents:
     wheel: str
     log: Path
     watched_s: float = 0.0
+    began_utc: str | None = None  # its first event
     spikes: list[Spike] = field(default_factory=list)
     alarms: list[str] = field(default_factory=list)  # when each one of the watch began, spikes included, UTC
     warnings: list[str] = field(default_factory=list)
@@ -94,6 +96,7 @@ def _event(line: bytes) -> dict[str, Any] | None:
 
 def _follow(run: RunEvents, events: list[dict[str, Any]]) -> None:
     """Add up the time watched, and take up each spike where it sets in and where it is over."""
+    run.began_utc = str(events[0]["utc"]) if events else None
     if events and events[-1]["event"] != "ended":
         events = [*events, *_cut_off(run, events[-1])]
     state, since = None, None
@@ -133,6 +136,7 @@ def _spike(run: RunEvents, event: dict[str, Any], watched_s: float, end: str | N
     return Spike(
         run=run.log.name,
         utc=str(event.get("since_utc")),
+        since_start_s=seconds_between(run.began_utc, event.get("since_utc")),
         watched_s=watched_s,
         speed_rpm=None if speed is None else rpm_from_rad_s(speed),
         amplitude_mNm=number_of(event.get("amplitude_mNm")),

@@ -138,6 +138,7 @@ def _wheel_document(found: WheelSpikes) -> dict[str, Any]:
             {
                 "run": spike.run,
                 "utc": spike.utc,
+                "since_start_s": spike.since_start_s,
                 "watched_h": spike.watched_s / _HOUR_S,
                 "speed_rpm": spike.speed_rpm,
                 "amplitude_mNm": spike.amplitude_mNm,
@@ -181,11 +182,15 @@ def spikes_text(found: WheelSpikes) -> str:
         + (f"; {found.taken_back} more were taken back" if found.taken_back else "")
     ]
     if found.spikes:
-        lines.append(f"  {'onset':<20}{'train':>6}{'speed rpm':>11}{'size mNm':>18}{'% of c':>9}{'decay s':>9}  end")
+        heads = f"{'speed rpm':>11}{'size mNm':>18}{'% of c':>9}{'decay s':>9}  end"
+        lines.append(f"  {'onset':<20}{'s of its run':>14}{'train':>6}{heads}")
     for spike, train in zip(found.spikes, found.train_of, strict=True):
+        since_start = MISSING if spike.since_start_s is None else f"{spike.since_start_s:.0f}"
+        onset = f"{spike.utc:<20}{since_start:>14}"
+        size = f"{_size_text(spike):>18}{number_text(spike.percent_of_coulomb):>9}"
         lines.append(
-            f"  {spike.utc:<20}{train:>6}{number_text(spike.speed_rpm, 4):>11}{_size_text(spike):>18}"
-            f"{number_text(spike.percent_of_coulomb):>9}{number_text(spike.decay_s):>9}  {spike.end or 'run ended'}"
+            f"  {onset}{train:>6}{number_text(spike.speed_rpm, 4):>11}{size}"
+            f"{number_text(spike.decay_s):>9}  {spike.end or 'run ended'}"
         )
     rate = found.rate_per_100_h
     if rate is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,7 @@ def test_a_run_from_its_start_to_its_death(bench: Bench) -> None:
         assert document["link"]["requests"] > 0
         stated = rw_ekf("status", "--config", config)
         assert stated.stdout.startswith("TRACKING since ")
+        assert re.search(r"^TRACKING since 2\S+Z \(\d+\.\d s after the run's start\) \(process", stated.stdout)
         daemon.kill()
         daemon.wait()
     code, document = status(config)

@@ -21,7 +21,7 @@ def test_a_sparkline_rises_with_its_values() -> None:
 
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_the_screen_fits_its_width(width: int) -> None:
-    """State, reason, parameters with sigmas and alarms are there; a dead run is called dead."""
+    """State and since when, reason, parameters with sigmas and alarms are there; a dead run is called dead."""
     document = {
         "alive": False, "wheel": "w", "port": "/dev/x", "run_state": "TRACKING", "reason": "r" * 300, "link": None,
         "state": {"speed_rad_s": 10.0, "motor_gain": 15.0, "viscous": None}, "std": {"speed_rad_s": 0.1},
@@ -33,6 +33,9 @@ def test_the_screen_fits_its_width(width: int) -> None:
     assert "95.49 +- 0.9549" in text
     assert "ALARM it rubs" in text
     assert "no run of this configuration" in picture_of((None, "x.state.json"), width)
+    began = {"began_utc": "2026-11-27T10:20:00.1Z", "since_utc": "2026-11-27T10:20:28.6Z"}
+    alive = picture_of(({**document, **began, "alive": True}, "x"), 120)
+    assert "TRACKING since 10:20:28 UTC (28.5 s after the run's start)" in alive
 
 
 def test_watch_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

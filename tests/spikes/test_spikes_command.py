@@ -25,7 +25,7 @@ def document_of(directory: Path, capsys: pytest.CaptureFixture[str], *options: s
 
 
 def test_a_month_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Three runs of one wheel: every spike with date, speed, size, share of friction and decay; trains; a rate."""
+    """Three runs of one wheel: every spike with date, time in its run, speed, size, share, decay; a rate."""
     write_run(tmp_path, 0.0, 100.0, [10.0, 10.5, 50.0])
     write_run(tmp_path, 10.0, 100.0, [20.0])
     write_run(tmp_path, 20.0, 200.0, [190.0], ended=False)
@@ -36,6 +36,7 @@ def test_a_month_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert [spike["watched_h"] for spike in wheel["spikes"]] == pytest.approx([10, 10.5, 50, 120, 390], abs=0.01)
     first = wheel["spikes"][0]
     assert first["utc"] == "2026-01-01T10:00:00Z"
+    assert [spike["since_start_s"] for spike in wheel["spikes"]] == [36000.0, 37800.0, 180000.0, 72000.0, 684000.0]
     assert first["speed_rpm"] == pytest.approx(271.2, abs=0.1)
     assert first["percent_of_coulomb"] == pytest.approx(100 * 0.5 / 1.5 / 0.6)
     assert (first["amplitude_mNm"], first["decay_s"], first["end"]) == (0.5, 400.0, "faded")
@@ -44,7 +45,7 @@ def test_a_month_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert any("cut off" in text for text in document["warnings"])
     assert main(["spikes", str(tmp_path)]) == 0
     out, errors = capsys.readouterr()
-    assert "2026-01-01T10:00:00Z" in out
+    assert "2026-01-01T10:00:00Z         36000     1" in out
     assert "1.00 trains per 100 h" in out
     assert "cut off" in errors
 

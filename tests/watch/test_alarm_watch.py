@@ -83,6 +83,19 @@ def test_a_wheel_six_times_as_fast_was_disturbed_after_the_run_began() -> None:
     assert notes.stated[0][1]["since_utc"] == "2024-05-17T12:01:30Z"
 
 
+def test_an_alarm_is_told_in_utc_and_since_the_run_s_start() -> None:
+    """The sentence has both, of the beginning and of the end, also where the wheel's clock began anew in between."""
+    notes, clock = Notes(), VirtualClock(NOON)
+    news = (None, None, replace(residual(), since_s=30.0), replace(residual(), since_s=30.0, ended_s=55.0))
+    watch = AlarmWatch(Reported(*news), notes, clock)
+    for time_s, segment in ((0.0, 0), (0.0, 1), (40.0, 1), (60.0, 1)):
+        watch.step(tick_of(WheelSample(time_s, 1.0, segment=segment)))
+        clock.sleep(40.0 if time_s == 0.0 else 20.0)
+    begun, over = (fields["text"] for _, fields in notes.stated)
+    assert "not noise since 2024-05-17T12:01:10Z (70.0 s after the run's start), largest" in begun
+    assert "noise again since 2024-05-17T12:01:35Z (95.0 s after the run's start) (it was not since" in over
+
+
 def test_the_issue_s_sentence() -> None:
     """The alarm reads as it was asked for."""
     watch, notes, _ = fed(residual())
