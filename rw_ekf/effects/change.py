@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.effects.learned_law import WORDS, LearnedLaw, size_text, torque_per_unit
+from rw_ekf.effects.measures import utc_of
 from rw_ekf.model.effect import Coefficient, RecordFacts, Term
 from rw_ekf.numbers import plus_minus
 
@@ -51,7 +52,8 @@ class Change(LearnedLaw):
         law = term.law
         when = plus_minus(law.first, law.spread[0]) if law.spread else f"{law.first:.4g}"
         slowly = "" if law.last - law.first < _ABRUPT_S else f", within {law.last - law.first:.3g} s,"
-        return f"From {when} s on{slowly} {cls.changes(term, covariance, facts)}"
+        utc = utc_of(law.first, facts)
+        return f"From {when} s on{f' ({utc})' if utc else ''}{slowly} {cls.changes(term, covariance, facts)}"
 
     @classmethod
     def changes(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.numbers import plus_minus
 
@@ -95,6 +97,16 @@ def slope_percent(quantity: str, value: float, std: float, per: str) -> str:
 
 
 def moment(time_s: float, facts: RecordFacts) -> str:
-    """A time of the log, with that since its start where its own time does not begin at zero."""
-    since = f" ({time_s - facts.first_s:.1f} s after the log's start)" if facts.first_s != 0.0 else ""
-    return f"{time_s:.1f} s{since}"
+    """A time of the log, with that since its start where its own time does not begin at zero, and UTC."""
+    since_s, utc = time_s - facts.first_s, utc_of(time_s, facts)
+    since = f"{since_s:.1f} s after the log's start" if facts.first_s != 0.0 else ""
+    reported = ", ".join(filter(None, (since, utc)))
+    return f"{time_s:.1f} s ({reported})" if reported else f"{time_s:.1f} s"
+
+
+def utc_of(time_s: float, facts: RecordFacts) -> str:
+    """A time of the log as UTC, to the second; empty where it is not known when the log began."""
+    if facts.began_utc_s is None:
+        return ""
+    moment_utc = datetime.fromtimestamp(facts.began_utc_s + time_s - facts.first_s, UTC)
+    return f"{moment_utc:%Y-%m-%dT%H:%M:%SZ}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.effects.change import Change
+from rw_ekf.effects.measures import utc_of
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s
@@ -60,9 +61,11 @@ class Spell(Change):
         """From 280 +- 1 to 320 +- 1 s the motor gain is 5.0 +- 0.1 % lower."""
         assert term.law is not None
         if not cls.has_a_kind(term, facts):
-            return cls._impulse(term, covariance)
+            return cls._impulse(term, covariance, facts)
         begins, ends = map(plus_minus, (term.law.first, term.law.last), term.law.spread or (0.0, 0.0))
-        return f"From {begins} to {ends} s, and neither before nor after, {cls.changes(term, covariance, facts)}"
+        utc = " to ".join(filter(None, (utc_of(time_s, facts) for time_s in (term.law.first, term.law.last))))
+        when = f"From {begins} to {ends} s{f' ({utc})' if utc else ''}"
+        return f"{when}, and neither before nor after, {cls.changes(term, covariance, facts)}"
 
     @classmethod
     def has_a_kind(cls, term: Term, facts: RecordFacts) -> bool:
@@ -70,17 +73,19 @@ class Spell(Change):
         return term.law is None or not is_impulse(term.law, facts.period_s)
 
     @classmethod
-    def _impulse(cls, term: Term, covariance: Matrix) -> str:
+    def _impulse(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:
         """At 129.9 +- 0.1 s the speed falls by 1.5 +- 0.2 rpm: what did it is not known."""
         assert term.law is not None
         law, (size, std) = term.law, cls.amplitude(term.values, covariance)
         lasts_s = law.last - law.first
         by = plus_minus(rpm_from_rad_s(abs(size) * lasts_s), rpm_from_rad_s(std * lasts_s))
-        when = plus_minus(0.5 * (law.first + law.last), law.spread[0] if law.spread else 0.0)
+        middle_s = 0.5 * (law.first + law.last)
+        utc, when = utc_of(middle_s, facts), plus_minus(middle_s, law.spread[0] if law.spread else 0.0)
         slower, faster = (
             ("the wheel is slowed", "the wheel is sped up")
             if law.acts_as == "drag"
             else ("the speed falls", "the speed rises")
         )
         does = slower if size > 0.0 else faster  # a law is an addition to friction
-        return f"At {when} s {does} by {by} rpm at once (a knock, or a command that came late or not at all)"
+        at = f"At {when} s{f' ({utc})' if utc else ''}"
+        return f"{at} {does} by {by} rpm at once (a knock, or a command that came late or not at all)"

@@ -67,6 +67,7 @@ class RecordFacts:
     log_starts_s: tuple[float, ...] = ()  # of the second log and those after it, where several are diagnosed as one
     stribeck_is_open: bool = False  # nobody gave the base model's Stribeck speed
     reading_s: float = 0.0  # from one reading to the next, on average, where rows have none
+    began_utc_s: float | None = None  # UTC of the first sample, since 1970; None: not known
     any_size: bool = False  # nothing is too small to be named: what is left without it is not noise
 
     @property

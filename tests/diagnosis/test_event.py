@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,14 +21,17 @@ from rw_ekf.diagnosis.checks.cross_fit import (
 from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself, percent_gained
 from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.hypotheses import event
+from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.thresholds import MOST_DISPUTED
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, CHANGE, SPELL
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.logs.metadata import RunMetadata, write_metadata
 from rw_ekf.model.effect import Term
+from rw_ekf.model.law import Law
 from tests.diagnosis.simulated import log_of, simulated
 
 SPIKE, OFFSET = CATALOGUE["drag_spike"], CATALOGUE["offset_torque"]
@@ -152,3 +157,30 @@ def test_an_event_is_fitted_beside_other_laws_as_long_as_there_is_room(monkeypat
     assert event.with_other_laws(fit, SPIKE.id, facts).model.of(SPIKE.id)
     assert len(wanted) == 3
     assert spent.left_out == ["drag_spike beside the model"]
+
+
+def test_the_time_of_an_event_is_told_in_utc_where_the_run_s_metadata_know_it(tmp_path: Path) -> None:
+    """Beside the log's own time and that since its start; without metadata, and of a clock that began anew, not."""
+    spike = "drag_spike:amplitude_rad_s2=0.3,onset_s=150,decay_s=20"
+    log = log_of(simulated([spike], seed=5, samples=3000))
+    log = replace(log, time_s=log.time_s + 2.0, name=str(tmp_path / "run.csv"))
+    stated = diagnose_log(log).verdict["statement"]
+    assert re.search(r"at 15\d\.\d s \(1(49|50|51)\.\d s after the log's start\)", stated)
+    write_metadata(log.name, RunMetadata("2026-11-22T04:00:00.500000Z"))
+    stated = diagnose_log(log).verdict["statement"]
+    assert re.search(r"at 15\d\.\d s \(1\d\d\.\d s after the log's start, 2026-11-22T04:02:(29|30|31)Z\)", stated)
+    anew = replace(log, segment=(np.arange(len(log)) > 2000).astype(np.int64))
+    assert source_of([anew]).began_utc_s is None
+
+
+def test_a_change_a_spell_and_a_knock_are_told_in_utc() -> None:
+    """Each in its sentence, to the second, where it is known when the log began."""
+    facts = replace(prepared_with("offset_torque").facts, began_utc_s=1.8e9)
+    begins, ends = "2027-01-15T08:01:40Z", "2027-01-15T08:02:10Z"
+    for kind, last_s, words in (
+        (CHANGE, 130.0, f"From 100.0 +- 1.0 s on ({begins})"),
+        (SPELL, 130.0, f"s ({begins} to {ends}), and neither before nor after"),
+        (SPELL, 100.1, f"At 100.0 +- 1.0 s ({begins}) the "),
+    ):
+        law = Law("time", "torque", 100.0, last_s, ((0.0, 1.0),), spread=(1.0, 1.0))
+        assert words in kind.sentence_of(Term(kind, (0.05,), (0.01,), law=law), ((1.0e-4,),), facts)

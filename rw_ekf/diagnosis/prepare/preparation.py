@@ -185,6 +185,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     if setup.stribeck_speed_std > 0.0:
         base = likeliest_stribeck_speed(base, facts.top_speed_rad_s)
         facts = replace(facts_of(course, base, channels, source.timing_doubt_s, starts), stribeck_is_open=True)
+    facts = replace(facts, began_utc_s=source.began_utc_s)
     fit_part, heldout = (
         replace(
             Record.of(course, mask, setup.constants, work, log_of, torque_noise, angle_is_integrated=not turned),

@@ -53,7 +53,7 @@ def slower(prepared: Prepared) -> Prepared:
     return replace(
         prepared, course=thin, split=split, record=everything, fit_part=record(split.fit),
         heldout=record(split.heldout), base=fitted, kept=kept, _of_fit={},
-        facts=replace(facts, stribeck_is_open=given.stribeck_is_open),
+        facts=replace(facts, stribeck_is_open=given.stribeck_is_open, began_utc_s=given.began_utc_s),
     )  # fmt: skip
 
 

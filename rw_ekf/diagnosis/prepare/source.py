@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,11 @@ from rw_ekf.diagnosis.thresholds import (
     OUTLIERS_AT_EDGES,
     SAME_ROWS,
 )
+from rw_ekf.errors import ConfigError
 from rw_ekf.identify.record_scale import noise_beside_motion, rough_parameters
 from rw_ekf.logs.joined import joined, refuse_none_or_twice
 from rw_ekf.logs.mending import mended
+from rw_ekf.logs.metadata import moment_of, read_metadata
 from rw_ekf.logs.sampling import evenly_stamped, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.law import MOST_COLUMNS
@@ -49,6 +52,7 @@ class Source:
     first_remark: str  # sentences in front of the verdict, or nothing
     notes: tuple[str, ...]
     timing_doubt_s: float  # by which a reading may be older than its row says
+    began_utc_s: float | None = None  # UTC of the first sample, since 1970; None: not known
     columns: tuple[str, ...] = ()  # of the log, that the course has and a law may be a function of
 
     def acting_temperature(self, lag_s: float, ahead_K: Sequence[float] = ()) -> Float64Array:
@@ -100,8 +104,21 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
         first_remark="".join(first),
         notes=(*notes, *whole.notes),
         timing_doubt_s=max(doubts, default=0.0),
+        began_utc_s=None if several else _began_utc_s(log),
         columns=columns,
     )
+
+
+def _began_utc_s(log: WheelLog) -> float | None:
+    """When the log of a run began, by the metadata beside it; None where its clock does not tell all of its times."""
+    if log.whole is not None or len(log) == 0 or log.segment[-1] != log.segment[0]:
+        return None
+    try:
+        metadata = read_metadata(Path(log.name))
+    except (ConfigError, OSError):
+        return None
+    moment = None if metadata is None else moment_of(metadata.first_sample_utc)
+    return None if moment is None else moment.timestamp()
 
 
 def _columns(log: WheelLog, given: Sequence[str]) -> tuple[str, ...]:
