@@ -23,6 +23,7 @@ from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of
 from rw_ekf.logs.column_speed import find_speed, rad_of_one
 from rw_ekf.logs.column_time import (
     EPOCHS,
+    FASTEST_S,
     SLOWEST_S,
     Clock,
     clock_of,
@@ -153,14 +154,22 @@ def _find_time(table: RawTable, columns: list[Column], reported: Answers, guess:
             guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
             return clock
         column = columns[clock.number]
-        if clock.concluded and not unit and (said := unit_of_stamps(table.preamble)) is not None:
-            clock = clock_of(column.number, column.name, column.stated, column.values, said[0], stamps=False) or clock
-            clock.why = f"the file says '{said[1]}'"
-        elif clock.concluded and not unit and (ticks := _other_ticks(clock, table.preamble)) is not None:
-            length = f"{1e6 / ticks[0]:g} us"
+        whole = clock.concluded and not unit and bool(np.array_equal(column.values, np.round(column.values)))
+        if whole and (said := unit_of_stamps(table.preamble)) is not None:
+            size, of, words = said
+            found = clock_of(column.number, column.name, column.stated, column.values, of, False, size) or clock
+            found.why, found.scale = f"the file says '{words}'", size
+            if not FASTEST_S <= usual_step(found.time_s) <= SLOWEST_S:
+                text = f"{column.shown} {without_unit(column)}; '{words}' is said, which its steps are not like"
+                stated = Line("time_s", column.entry(of, scale=size), words)
+                guess.ask("time_s", text, stated, Line("time_s", column.entry(clock.unit or "s"), clock.why))
+                return clock
+            clock = found
+        elif whole and (ticks := _other_ticks(clock, table.preamble)) is not None:
+            length = f"{1e6 / ticks[0]:g}"
             text = f"{column.shown} {without_unit(column)}, and '{ticks[1]}' is said: what does it count in?"
-            either = dict.fromkeys((length, clock.unit or "s"))
-            guess.ask("time_s", text, *(Line("time_s", column.entry(each), each) for each in either))
+            own = Line("time_s", column.entry(clock.unit or "s"), "by its steps")
+            guess.ask("time_s", text, Line("time_s", column.entry("us", scale=float(length)), f"{length} us"), own)
             return clock
         if not clock.is_clock and not unit and (why := no_clock(column.shown, column.values, column.stated)):
             guess.ask("time_s", f"{why}: in which unit is it?", Line("time_s", column.entry("s"), ""))
@@ -204,11 +213,17 @@ def _find_time(table: RawTable, columns: list[Column], reported: Answers, guess:
 
 
 def _other_ticks(clock: Clock, preamble: Sequence[str]) -> tuple[float, str] | None:
-    """Another rate than the one concluded of its steps at which a clock may count, and the words that say so."""
-    ticks = ticks_of_stamps(preamble)
-    known = unit_of(clock.unit or "s")
-    own = known is not None and ticks is not None and abs(ticks[0] * known.factor - 1.0) < _SAME_RATE
-    return None if own else ticks
+    """Another rate than the one concluded of its steps at which a clock may count, and the words that say so.
+
+    Not where that is the rate of the rows, or would make one that no log has.
+    """
+    ticks, known = ticks_of_stamps(preamble), unit_of(clock.unit or "s")
+    if ticks is None or known is None:
+        return None
+    step_s = usual_step(clock.time_s)
+    by_ticks_s = step_s / known.factor / ticks[0]
+    alike = any(abs(ticks[0] * each - 1.0) < _SAME_RATE for each in (known.factor, step_s))
+    return None if alike or not FASTEST_S <= by_ticks_s <= SLOWEST_S else ticks
 
 
 def _counts_steps(column: Column) -> bool:
@@ -299,7 +314,7 @@ def _take_clock(clock: Clock, column: Column, reported: Answers, guess: Guess) -
         text = f"{column.shown} {without_unit(column)}, and its steps may be of {' or '.join(clock.asks)}: which?"
         guess.ask("time_s", text, *(Line("time_s", column.entry(unit), unit) for unit in clock.asks))
     else:
-        down = {"scale": -1.0} if _counts_down(column) else {}
+        down = {"scale": -1.0} if _counts_down(column) else {"scale": clock.scale} if clock.scale != 1.0 else {}
         entry = reported.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap, **down))
         guess.take("time_s", entry, clock.why, assumed=clock.concluded)
         if (apart := usual_step(clock.time_s)) > SLOWEST_S:

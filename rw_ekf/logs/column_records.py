@@ -216,7 +216,7 @@ def columns_of(table: RawTable) -> list[Column]:
             habit, stated = "", stated._replace(unit_text="", unit=None) if stated.unit_text == habit else stated
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
-        role = role_of(stated) if name else "other"
+        role = role_of(stated) if name and name not in table.parts_of_time else "other"
         if role == "speed" and stated.unit is None and _counts_rows(values):
             role = "count"
         by_habit = own.unit is None and not units.get(name) and bool(habit)

@@ -27,7 +27,7 @@ _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31, 2.0**30)  # of 30 bits: MicroPy
 _BILLION = 1.0e9
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
 _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
-SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
+SLOWEST_S, FASTEST_S = 5.0, 2.0e-4  # between rows
 _SHORTEST_S = 3.0  # that a log lasts whose unit is concluded from its steps
 _SLOW_US = 3.0e5  # between rows, in whole numbers: us would be fewer than 3 rows a second, 100 ns or ns more
 _ROUND = 5.0e-3  # relative
@@ -41,12 +41,22 @@ _TICK = re.compile(
     r"(\d*[.,]?\d+(?:e[+-]?\d+)?)\s*([nuµm]?)s\b",
     re.IGNORECASE,
 )
-_UNIT_OF_STAMPS = re.compile(  # timestamp unit: 10 us; time in units of 10 us; timer: 10 us per count
-    r"(?:time|stamp|tick|timer)\w*\W.{0,20}?(?:\bunits?\b\W*(?:of|is)?\W*(?P<each>\d+(?:\.\d+)?\s*[nuµm]?s)\b|"
-    r"(?P<per>\b\d+(?:\.\d+)?\s*[nuµm]?s)\s*(?:/|per|a|each)\s*(?:count|tick|digit|lsb|bit|step)\b)",
+_STAMPS = r"(?:time ?stamps?|timestamps?|time|ticks?)"
+_UNIT_OF_STAMPS = (  # a line that says nothing else: timestamp unit: 10 us; ticks: 10 us per count
+    re.compile(
+        rf"\W*{_STAMPS}(?: column)?\W+(?:is |are )?(?:in )?units?\b(?: of)?\W*(?P<size>\d+(?:\.\d+)?)?\s*"
+        r"(?P<unit>[nuµm]?s)\W*", re.IGNORECASE
+    ),
+    re.compile(
+        rf"\W*(?:{_STAMPS}|timer)\W+(?P<size>\d+(?:\.\d+)?)\s*(?P<unit>[nuµm]?s)\s*(?:/|per )\s*"
+        r"(?:count|tick|lsb|digit)\W*", re.IGNORECASE
+    ),
+)  # fmt: skip
+_RATE_OF_STAMPS = re.compile(  # nor does one that says how fast a timer runs, which may be another's
+    rf"\W*(?:{_HERTZ}\W+(?:time ?stamp |timestamp )?(?:timer|ticks?|counter)|"
+    rf"(?:time ?stamp |timestamp )?(?:timer|ticks?|counter)(?: rate| frequency)?\W+{_HERTZ})\W*",
     re.IGNORECASE,
 )
-_NO_STAMPS = re.compile(r"pwm|switch|interrupt|loop|baud|carrier|cpu|core|\bbus\b", re.IGNORECASE)
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _OF_ROWS = r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?|interval\w*|采样\w*|サンプリング\w*)"
@@ -91,6 +101,7 @@ class Clock:
     is_clock: bool = True
     odd: str = ""  # what is asked of it, as a clause
     concluded: bool = False  # the unit is, from the steps
+    scale: float = 1.0  # how many of the unit a stamp counts in
     notes: list[str] = field(default_factory=list)
 
 
@@ -148,7 +159,7 @@ def no_clock(shown: str, values: Float64Array, stated: Stated) -> str:
 
 def _usual(step_s: Float64Array) -> bool:
     forth = step_s[step_s > 0.0]
-    return forth.size > 0 and _FASTEST_S / 4.0 <= float(np.median(forth)) <= 30.0 * SLOWEST_S
+    return forth.size > 0 and FASTEST_S / 4.0 <= float(np.median(forth)) <= 30.0 * SLOWEST_S
 
 
 def _wrap(values: Float64Array) -> float | None:
@@ -243,15 +254,18 @@ def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
     return None
 
 
-def unit_of_stamps(texts: Sequence[str]) -> tuple[str, str] | None:
-    """What lines above the names say that a stamp counts in, `10 us`, and the words."""
-    found = ((match, text) for text in texts if (match := _UNIT_OF_STAMPS.search(text)) is not None)
-    return next(((match["each"] or match["per"], text.strip("# %;")) for match, text in found), None)
+def unit_of_stamps(texts: Sequence[str]) -> tuple[float, str, str] | None:
+    """In how many of which unit lines above the names say that a stamp counts, `10 us`, and the words."""
+    for text in texts:
+        for pattern in _UNIT_OF_STAMPS:
+            if (match := pattern.fullmatch(text)) is not None and (size := float(match["size"] or 1.0)) > 0.0:
+                return size, match["unit"].replace("µ", "u"), text.strip("# %;")
+    return None
 
 
 def ticks_of_stamps(texts: Sequence[str]) -> tuple[float, str] | None:
     """How fast a timer runs [Hz] that may be the stamps', and the words that say so."""
-    return ticks_a_second(text for text in texts if not _NO_STAMPS.search(text))
+    return ticks_a_second(text.strip("# %;") for text in texts if _RATE_OF_STAMPS.fullmatch(text))
 
 
 def rate_in(texts: Sequence[str]) -> tuple[float, str] | None:

@@ -21,7 +21,7 @@ from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.settings_beside import parted
-from rw_ekf.logs.text_cells import BLANKS, MINUS, TextLayout, has_units, is_stamp
+from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
 from rw_ekf.logs.turned_text import turned
@@ -37,9 +37,15 @@ _LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
 _LOOKED_AT_ROWS = 40
 _LEAST_ROWS = 3
 _SHOWN = 60  # characters of a line that is quoted
+_MINUS_CELL = re.compile(
+    r"""(?:^|[,;\t|])[ "]*[−–][\d.,]+(?:e[+-]?\d+)?[ "]*(?:[,;\t|]|\r?$)""", re.MULTILINE | re.IGNORECASE
+)
 _SOME_WORDS = re.compile(rb"[A-Za-z]{3,}[^A-Za-z]+[A-Za-z]{3,}")
 _EXPOSITION = re.compile(rb"^# TYPE \S+ (?:gauge|counter|untyped|histogram|summary)\s*$", re.MULTILINE)
 _NAME_LINES = 12  # in which the names of all columns end, where some of them have several
+_OPENED = re.compile(rb"""(?:^|[,;\t|])[ ]*"[^",;\t|]*\r?$""")  # the last cell of a line, and goes on
+_CLOSED = re.compile(rb"""[^",;\t|]*"[ ]*(?:[,;\t|]|\r?$)""")  # where the first cell of the next one ends
+_OF_NUMBERS = re.compile(rb"""[ ]*"?[+-]?[.]?\d""")
 _LAST_BYTES = 400  # of a text, in which a line of words may stand below the rows
 _A_NAME = 8  # characters: a shorter line may come again by chance
 
@@ -111,17 +117,25 @@ def read_csv_table(
 def _names_in_one_line(text: LogText, head: bytes) -> bytes | None:
     """The text with names that have an end of line within their quotes, as a sheet writes them, in one; else None.
 
-    Empty lines stand where they ended, so that every row is in its own line still.
+    A quote counts where it begins a cell. Empty lines stand where names ended, so that every row is in its own line.
     """
+    if b'"' not in head or b"\0" in head[:4096]:
+        return None
     lines = head.split(b"\n", _NAME_LINES)[:_NAME_LINES]
-    first = next((at for at, line in enumerate(lines) if line.count(b'"') % 2), None)
+    lines = list(itertools.takewhile(lambda line: not _OF_NUMBERS.match(line), lines))
+    first = next((at for at, line in enumerate(lines) if _OPENED.search(line)), None)
     if first is None:
         return None
-    quotes = itertools.accumulate(line.count(b'"') for line in lines[first:])
-    last = first + next((at for at, count in enumerate(quotes) if count % 2 == 0), 0)
-    names = b" ".join(line.strip(b"\r") for line in lines[first : last + 1])
-    if last == first or not re.search(rb'"[^"]*[^\W\d][^"]*"', names):
+    last, is_open = first, True
+    while is_open and last + 1 < len(lines):
+        last += 1
+        if _CLOSED.match(lines[last]):
+            is_open = _OPENED.search(lines[last]) is not None
+        elif b'"' in lines[last]:
+            return None
+    if is_open:
         return None
+    names = b" ".join(line.strip(b"\r") for line in lines[first : last + 1])
     with text.open() as stream:
         everything = stream.read().split(b"\n")
     everything[first : last + 1] = [names, *[b""] * (last - first)]
@@ -220,7 +234,7 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
         return True
     if encoding_of(head) != "utf-8-sig":
         return False
-    if stamped_form(lines).stamped or has_units(lines) or (not text.isascii() and MINUS.search(text)):
+    if stamped_form(lines).stamped or has_units(lines) or (not text.isascii() and _MINUS_CELL.search(text)):
         return False
     names = [name.strip() for name in rows[0]]
     numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]

@@ -25,7 +25,6 @@ from rw_ekf.logs.text_cells import (
     without_trailing,
 )
 from rw_ekf.logs.text_forms import RECEIVED
-from rw_ekf.logs.which_wheel import TELLING
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
@@ -41,6 +40,14 @@ _SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scop
 _MOST_REMARKS = 3  # lines of them below the units
 _KEYED = re.compile(r"([^\W\d][\w ]*?): *(.*)")
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
+_DEVICE = re.compile(  # RW1; wheel A; left motor
+    r"(?<![^\W\d_])(?:(?:left|right|front|rear|upper|lower)[ _-]?(?:wheel|motor|rw)|"
+    r"(?:reaction[ _-]?wheel|wheel|rw|motor|axis|unit|node|esc|rad|achse)[\s_.:#-]*(?:\d+|[a-z])(?![^\W_]))",
+    re.IGNORECASE,
+)
+_OF_A_RUN = re.compile(
+    r"(?<![^\W\d_])(?:runs?|tests?|trials?|cycles?|lauf|versuch|messung|essai)(?![^\W\d_])", re.IGNORECASE
+)
 _RULE = re.compile(r"(?=.*[-=_]{3})[-=_+|:,;\s]+")  # drawn below the names
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*|^C(?=\s{2})\s*")  # the last in Fortran
 _SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no name: an inertia above the columns
@@ -82,7 +89,9 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
         taken -= 1
     marks = [layout.delimiter in line for _, line in above[taken : taken + 2]]
     uncut = marks == [False, True] and layout.delimiter != BLANKS and _roles([*units]) > 1
-    if (uncut and names) or 0 < len(names) < len(units):  # a prompt or a title: the names are units themselves
+    if (uncut and names and not _roles([*names])) or 0 < len(names) < len(
+        units
+    ):  # a prompt or a title: the names are units themselves
         names, units, taken = units, (), taken + 1
     if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
         names, units = described["names"], described.get("units", units)
@@ -352,7 +361,7 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
 def _are_names(cells: list[str], layout: TextLayout, line: str = "") -> bool:
     """Whether cells may be names; of a comment, `# wheel RW-02 run 17`, no number is one."""
     filled = [cell for cell in cells if cell]
-    if is_comment(line, layout) and any(is_number(cell, layout.decimal) for cell in filled):
+    if is_comment(line, layout) and _roles(filled) < 2 and any(is_number(cell, layout.decimal) for cell in filled):
         return False
     return bool(filled) and sum(map(layout.is_value, filled)) < MOSTLY * len(filled)
 
@@ -361,7 +370,10 @@ def _of_devices(names: tuple[str, ...], above: tuple[str, ...]) -> tuple[str, ..
     """Names that come again below another device each, `RW1,,,RW2,,` above them, with the device in front."""
     alike = Counter(names)
     told = {name: {label for label, other in zip(above, names, strict=False) if other == name} for name in alike}
-    whole = all(alike[name] == len(told[name]) > 1 for name in names) and all(map(TELLING.search, above))
+    devices = [_DEVICE.search(label) for label in above]
+    which = {match[0].lower() for match in devices if match is not None}
+    whole = all(alike[name] == len(told[name]) == len(which) > 1 for name in names) and None not in devices
+    whole = whole and not any(map(_OF_A_RUN.search, above))
     return tuple(f"{label} {name}" for label, name in zip(above, names, strict=True)) if whole else names
 
 

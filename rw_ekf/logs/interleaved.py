@@ -20,6 +20,7 @@ from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.last_known import held_at, last_known, on_one_axis
 from rw_ekf.logs.raw_table import Factor, RawTable, number_or_none, taken
 from rw_ekf.logs.time_text import seconds_of
+from rw_ekf.logs.which_wheel import MOST_WHEELS, TELLING
 
 _MOST_KINDS = 60  # signals of one file
 _LEAST_NAMES = 2  # between the numbers of a row
@@ -70,13 +71,14 @@ def _times_of(records: Sequence[tuple[str, Mapping[str, Any]]], alike: Set[str])
 
     alike: the kinds whose rows the others are put beside.
     """
+    is_base = np.array([kind in alike for kind, _ in records])
+    codes = np.unique(["" if kind in alike else kind for kind, _ in records], return_inverse=True)[1].astype(np.int64)
     for name in records[0][1]:
         if role_of(stated_by(name)) != "time" or not all(name in record for _, record in records):
             continue
         cells = [record[name] for _, record in records]
-        is_base = np.array([kind in alike for kind, _ in records])
         time_s = _seconds(cells)
-        found = None if time_s is None else on_one_axis(time_s, np.where(is_base, 0, 1))
+        found = None if time_s is None else on_one_axis(time_s, codes)
         if found is not None and _tells_rows(found, is_base):
             return found
     return None
@@ -240,6 +242,8 @@ def _times(table: RawTable, cells: Sequence[str], base: str, rest: Sequence[int]
 
     cells: what each is a value of; rest: the other columns. Without names whatever rises in the rows of each is a time.
     """
+    if any(TELLING.search(table.names[column]) and len(table.distinct(column, MOST_WHEELS)) > 1 for column in rest):
+        return None  # of several wheels: one's values are not the other's
     codes = np.unique(np.array(cells), return_inverse=True)[1].astype(np.int64)
     is_base = np.array([cell == base for cell in cells])
     for column in rest:

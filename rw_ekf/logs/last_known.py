@@ -12,6 +12,7 @@ from rw_ekf.logs.row_rules import restarted, usual_step
 _SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
 _UNPAIRED = 0.1  # of the rows, at most, that have no partner
 _NEARER = 0.5  # of the step: what comes later than that is nearer to the row that follows
+_REPEATED = 0.01  # of the rows of a kind, at most: written twice
 _APART = 10.0  # times the length of all runs, from where one begins to where the next does
 
 
@@ -50,16 +51,24 @@ def on_one_axis(time_s: Float64Array, kinds: Int64Array) -> Float64Array | None:
     """Times (n,) at which rows of several kinds, numbered from 0, may be put beside each other by time.
 
     The kinds may come in turn, each for itself, or newest first. Where the times of each begin anew equally often the
-    file holds several runs, and each stands behind the one before. None where a time is missing, or where one kind
-    begins anew and another does not.
+    file holds several runs, and each stands behind the one before. None where a time is missing, where one kind begins
+    anew and another does not, where one ends before another begins, or where rows of one kind have the same time: only
+    their order tells them apart.
     """
     if not np.isfinite(time_s).all() or not time_s.size:
         return None
     runs = np.zeros(len(time_s))
     last = set()
+    begins, ends = [], []
     for kind in range(int(kinds.max()) + 1):
         own = kinds == kind
-        backwards = bool(np.all(np.diff(time_s[own]) <= 0.0))
-        runs[own] = 0.0 if backwards else restarted(time_s[own])
+        step = np.diff(time_s[own])
+        if step.size:
+            begins.append(time_s[own].min())
+            ends.append(time_s[own].max())
+        if step.size and float(np.mean(step == 0.0)) > _REPEATED:
+            return None
+        runs[own] = 0.0 if np.all(step <= 0.0) else restarted(time_s[own])
         last.add(runs[own][-1])
-    return None if len(last) > 1 else time_s + _APART * float(np.ptp(time_s)) * runs
+    apart = bool(begins) and max(begins) > min(ends)  # by other clocks
+    return None if len(last) > 1 or apart else time_s + _APART * float(np.ptp(time_s)) * runs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -134,8 +135,8 @@ def _signs_of(table: RawTable, index: int) -> Float64Array:
     signs = {word: 1.0 if word in FORWARD else -1.0 for word in set(words) if word in FORWARD | BACKWARD}
     if signs.keys() & {"l", "f", "fwd", "forward"}:  # R is right beside L, reverse beside F, and anything else alone
         signs["r"] = 1.0 if "l" in signs else -1.0
-    if len(set(signs.values())) == 2:  # at rest a speed has no sign, and is about zero
-        signs |= dict.fromkeys(STOPPED - signs.keys(), 1.0)
+    if len(set(signs.values())) == 2:
+        words = _before_a_stop(words, signs.keys())
     odd = next((word for word in words if word and word not in signs), None)
     if odd is not None:
         raise LogError(
@@ -143,6 +144,16 @@ def _signs_of(table: RawTable, index: int) -> Float64Array:
             "forward or reverse, CW or CCW, 1 or -1"
         )
     return np.array([np.nan if not word else signs[word] for word in words])
+
+
+def _before_a_stop(words: list[str | None], directions: Collection[str]) -> list[str | None]:
+    """Words of directions, those of a stop as the one before: a wheel that coasts turns on as it did, or stands."""
+    last = next((word for word in words if word in directions), None)
+    found = []
+    for word in words:
+        last = word if word in directions else last
+        found.append(last if word in STOPPED - {*directions} else word)
+    return found
 
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:

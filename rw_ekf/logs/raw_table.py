@@ -47,6 +47,7 @@ class RawTable:
     remarks: dict[str, str] = field(default_factory=dict)  # by name of column: what the file says of it in prose
     factors: dict[str, Factor] = field(default_factory=dict)  # by name of column
     zone: ZoneInfo | None = None  # of dates that bear none themselves; None: UTC
+    parts_of_time: frozenset[str] = frozenset()  # names of columns that one more has put together
     doubts: tuple[str, ...] = ()  # sentences on what its layout leaves open: which cell is whose, what a comma means
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.interleaved import has_speed
-from rw_ekf.logs.last_known import held_at
+from rw_ekf.logs.last_known import held_at, on_one_axis
 from rw_ekf.logs.raw_table import RawTable, taken
 from rw_ekf.logs.row_rules import goes_with_seconds
 from rw_ekf.logs.time_text import DAY_S
@@ -150,6 +150,8 @@ def beside_each_other(table: RawTable) -> RawTable | None:
     """Several tables beside each other as one; None for any other table."""
     clocks = [number for number, name in enumerate(table.names) if name and role_of(stated_by(name)) == "time"]
     bare = {_unnumbered(table.names[number]) for number in clocks}
+    if len(clocks) > 1 and len(bare) > 1 and (others := _other_times(table, clocks)):
+        table.doubts = (*table.doubts, others)
     if len(clocks) < 2 or len(bare) > 1 or any(table.names[: clocks[0]]):
         return None
     blocks = [list(range(*span)) for span in zip(clocks, [*clocks[1:], len(table.names)], strict=True)]
@@ -163,6 +165,17 @@ def beside_each_other(table: RawTable) -> RawTable | None:
     if all(names == named[0] for names in named):
         return _stacked(table, blocks)
     return _on_one_clock(table, blocks, times)
+
+
+def _other_times(table: RawTable, clocks: list[int]) -> str:
+    """A sentence on times of two devices, `RW1 time`, `RW2 time`, that differ; empty where there are none."""
+    first, *rest = clocks
+    for other in rest:
+        names = table.names[first].split(), table.names[other].split()
+        alike = len(names[0]) > 2 and names[0][-2:] == names[1][-2:] and names[0] != names[1]  # but for the device
+        if alike and not np.array_equal(table.numbers(first), table.numbers(other), equal_nan=True):
+            return f"'{table.names[first]}' and '{table.names[other]}' differ: save a table for each."
+    return ""
 
 
 def _unnumbered(name: str) -> str:
@@ -193,6 +206,8 @@ def in_turn(table: RawTable) -> RawTable | None:
     if not held:
         return None
     kept = np.flatnonzero(base)
+    axis = on_one_axis(time, np.zeros(len(time), dtype=np.int64))
+    time = time if axis is None else axis
     columns = [taken(column, kept) for column in table.columns]
     for number in held:
         columns[number] = held_at(time[kept], time[known[number]], values[number][known[number]])

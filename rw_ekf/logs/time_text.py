@@ -8,14 +8,13 @@ number is above 12: within a run it makes no difference.
 from __future__ import annotations
 
 import datetime
-import math
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.local_time import utc_of_local
 
 if TYPE_CHECKING:
@@ -70,8 +69,8 @@ def seconds_of(cells: Sequence[str | None], zone: ZoneInfo | None = None) -> Flo
     if _DURATION.fullmatch(first):
         return _durations(cells)
     cells = _with_colons(cells)
-    order = _order(cells)
-    days: dict[str, float] = {}
+    dates: dict[str, int] = {}
+    which = np.full(len(cells), -1)
     found, is_local = np.full(len(cells), np.nan), np.zeros(len(cells), dtype=np.bool_)
     dated = False
     for row, cell in enumerate(cells):
@@ -87,20 +86,20 @@ def seconds_of(cells: Sequence[str | None], zone: ZoneInfo | None = None) -> Flo
         seconds = 0.0
         if match["date"]:
             dated, is_local[row] = True, match["zone"] is None
-            if match["date"] not in days:
-                day = _day(match["date"], order)
-                if day is None:
-                    return None
-                days[match["date"]] = day
-            seconds = days[match["date"]]
+            which[row] = dates.setdefault(match["date"], len(dates))
         if since is not None:
             dated, seconds = True, DAY_S * int(since["days"])
         if match["h"]:
             seconds += _of_day(match)
         found[row] = seconds - _zone_s(match["zone"])
+    if dates:
+        days = _days(list(dates), which, found)
+        if days is None:
+            return None
+        found[which >= 0] += days[which[which >= 0]]
     if zone is not None:
         found[is_local] = utc_of_local(found[is_local], zone)
-    return found if dated else past_midnight(_past_noon(found))
+    return found if dated else past_midnight(past_noon(found))
 
 
 def _durations(cells: Sequence[str | None]) -> Float64Array | None:
@@ -129,7 +128,7 @@ def past_midnight(seconds: Float64Array) -> Float64Array:
     return past_full(seconds, DAY_S)
 
 
-def _past_noon(seconds: Float64Array) -> Float64Array:
+def past_noon(seconds: Float64Array) -> Float64Array:
     """The same of a clock of twelve hours that says no half of the day: after 12:59:59 it begins anew at 1:00."""
     fall = np.diff(seconds[np.isfinite(seconds)])
     fall = fall[fall < -0.5 * _HALF_S]
@@ -185,18 +184,24 @@ def _day(text: str, order: str) -> float | None:
         return None
 
 
-def _order(cells: Sequence[str | None]) -> str:
-    """In which order the parts of dates stand: that which makes days of all, and the fewest between them.
+def _days(dates: list[str], which: Int64Array, of_day_s: Float64Array) -> Float64Array | None:
+    """Seconds from 1970 to the begin of each of some days (d,); None where one is none.
 
-    A run goes over midnight, and not into the next month, or year, at the same time of day. Days first where it makes
-    no difference.
+    which, of_day_s (n,): which day each stamp is of, -1 where it has none, and how late in it. Days stand before months
+    where both orders make days of all; but a run that goes over midnight goes into the next day, and not into the same
+    day of the next month, or year, at the same moment.
     """
-    dates = {match["date"] for cell in cells if cell and (match := _TEXT.match(cell.strip())) is not None}
-    stated = [date for date in dates if date is not None]
-
-    def between(order: str) -> float:
-        days = [_day(date, order) for date in stated]
+    ways = []
+    for order in ("dmy", "ymd") if any("." in date for date in dates) else ("dmy", "mdy", "ymd"):
+        days = [_day(date, order) for date in dates]
         known = [day for day in days if day is not None]
-        return max(known) - min(known) if known and len(known) == len(days) else math.inf
+        if len(known) == len(days):
+            ways.append(np.array(known))
+    rows = which >= 0
 
-    return min(("dmy", "mdy", "ymd"), key=between)
+    def longest(days: Float64Array) -> float:
+        return float(np.max(np.abs(np.diff(days[which[rows]] + of_day_s[rows])), initial=0.0))
+
+    if len(ways) > 1 and len(dates) > 1 and longest(ways[0]) > DAY_S:
+        return next((days for days in ways[1:] if longest(days) < _HOUR_S), ways[0])
+    return ways[0] if ways else None

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from rw_ekf.errors import LogError
 from rw_ekf.logs.raw_table import RawTable
 
-_MOST_WHEELS = 200  # a column of more different values tells no wheels apart
+MOST_WHEELS = 200  # a column of more different values tells no wheels apart
 _PARTS = re.compile(r"[^\s,=/.:]+")  # of `rw_ekf_sample,wheel=rw-y,run=...` and `/wheels/rw-y/sample`
 TELLING = re.compile(r"wheel|rw|motor|axis|unit|node|device|serial|name|address|topic|(^|_)(id|dut|esc)", re.IGNORECASE)
 
@@ -23,7 +23,7 @@ def rows_of_wheel(table: RawTable, wheel: str) -> RawTable:
     reported = {
         index: held
         for index, name in enumerate(table.names)
-        if TELLING.search(name) and (held := table.distinct(index, _MOST_WHEELS))
+        if TELLING.search(name) and (held := table.distinct(index, MOST_WHEELS))
     }
     found = [index for index, held in reported.items() if wheel in held]
     if len(found) == 1:

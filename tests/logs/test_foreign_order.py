@@ -81,6 +81,42 @@ def test_runs_of_one_file_keep_their_own_values(tmp_path: Path, run: rw_ekf.Log)
     assert np.array_equal(log.current_A, np.concatenate((run.current_A, -run.current_A)))
 
 
+def test_stamps_that_many_rows_share_leave_the_order_of_the_file(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Whole seconds, a speed at each and currents between: the current of a row is no later one of its second."""
+    rows: list[Row] = [
+        (float(int(t)), name, value)
+        for at, (t, n, i) in enumerate(zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A, strict=True))
+        for name, value in ([("speed_rad_s", n)] if at % 10 == 0 else []) + [("current_A", float(i))]
+    ]
+    path = _as_csv(tmp_path, rows)
+    path.write_text(path.read_text().replace("time,", "time_s,", 1))
+    log = rw_ekf.read(path)
+    assert np.array_equal(log.current_A, run.current_A[::10])
+
+
+def test_wheels_of_one_table_keep_their_own_currents(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Two wheels a little apart in time: each row has the current of its own wheel."""
+    lines = ["time,wheel,signal,value"]
+    for t, w, c in zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True):
+        for at, (wheel, sign) in enumerate((("A", 1.0), ("B", -1.0))):
+            lines += [f"{t + 0.002 * at + late!r},{wheel},{name},{sign * value!r}"
+                      for late, name, value in ((0.0, "speed_rad_s", w), (0.0015, "current_A", c))]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    for wheel, sign in (("A", 1.0), ("B", -1.0)):
+        assert np.array_equal(rw_ekf.read(tmp_path / "a.csv", wheel=wheel).current_A, sign * run.current_A)
+
+
+def test_clocks_that_never_meet_are_not_compared(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Two boards count from their own start: what stands behind each other is of one moment still."""
+    lines = [
+        json.dumps({"t": t if name == "rpm" else t + 5000.0, name: value})
+        for t, w, c in zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+        for name, value in (("current_A", c), ("rpm", w))
+    ]
+    (tmp_path / "a.jsonl").write_text("\n".join(lines) + "\n")
+    assert np.array_equal(rw_ekf.read(tmp_path / "a.jsonl").current_A, run.current_A)
+
+
 def test_a_command_just_ahead_of_a_row_is_not_the_row_befores(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Logged on change and a millisecond ahead of its row: from that row on it holds, and not a row too early."""
     command = np.where(run.current_A > 0.0, 0.3, -0.3)
@@ -125,6 +161,40 @@ def test_a_time_in_columns_of_its_parts_is_one(tmp_path: Path, run: rw_ekf.Log, 
     assert np.unique(log.segment).size == 1
 
 
+def test_columns_that_are_a_time_together_stay_where_they_are(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A map by number, or of the seconds alone, reads what it read before."""
+    text = csv(
+        run, "hour,min,sec,rpm_cmd,speed,u,current", lambda i, t, w, c: f"9,{int(t // 60)},{t % 60.0!r},7,{w!r},8,{c!r}"
+    )
+    (tmp_path / "log.csv").write_text(text)
+    (tmp_path / "map.yaml").write_text("rate_hz: 10\nspeed_rad_s: {column: 4}\ncurrent_A: {column: 6}\n")
+    log = rw_ekf.read(tmp_path / "log.csv", tmp_path / "map.yaml")
+    assert np.array_equal(log.speed_rad_s, run.speed_rad_s)
+    assert np.array_equal(log.current_A, run.current_A)
+    (tmp_path / "map.yaml").write_text("time_s: {column: sec}\nspeed_rad_s: {column: 4}\ncurrent_A: {column: 6}\n")
+    assert np.array_equal(rw_ekf.read(tmp_path / "log.csv", tmp_path / "map.yaml").time_s, run.time_s)
+
+
+def test_thousandths_that_do_not_begin_with_the_second_are_none_of_it(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`ms` may be how long a loop took."""
+    text = csv(
+        run, "hour,min,sec,ms,rpm,current_A",
+        lambda i, t, w, c: "{},{},{}".format(*_clock(t)) + f",{1 + i * 7 % 8},{w!r},{c!r}",
+    )  # fmt: skip
+    log = _read(tmp_path, text)
+    assert np.allclose(log.time_s - log.time_s[0], run.time_s, atol=1e-9)
+
+
+def test_whole_seconds_of_many_rows_are_spread(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Hours, minutes and whole seconds at ten rows a second, as any coarse stamp."""
+    text = csv(
+        run, "hour,minute,second,rpm,current_A",
+        lambda i, t, w, c: "{},{},{:.0f}".format(*_clock(float(int(t)))) + f",{w!r},{c!r}",
+    )  # fmt: skip
+    log = _read(tmp_path, text)
+    assert np.allclose(log.time_s - log.time_s[0], run.time_s, atol=1e-6)
+
+
 def test_a_date_in_columns_counts_beside_the_hours(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Year, month and day go on at midnight, into a month of another length."""
     begun = np.datetime64("2024-02-29T23:59:50", "ms")
@@ -161,6 +231,32 @@ def test_minutes_of_one_digit_are_minutes(tmp_path: Path, run: rw_ekf.Log) -> No
     assert np.allclose(_read(tmp_path, text).time_s, run.time_s, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# dwell time: 10 s per step", "# command timeout unit: 10 ms", "# filter time constant unit 10 ms",
+        "# PWM timer 10 us per count", "# bit time: 10 us per bit", "# lifetime test, runtime 100 s each step",
+        "# system clock 72 MHz", "# ADC clock 14 MHz", "# encoder counter 10 kHz", "# timer 10 Hz", "# cycle: 50 ms",
+    ],
+)  # fmt: skip
+def test_other_times_and_clocks_say_nothing_of_the_stamps(tmp_path: Path, run: rw_ekf.Log, line: str) -> None:
+    """A dwell, a timeout, a converter's clock and the rate of the rows: milliseconds stay milliseconds, unasked."""
+    log = _read(tmp_path, csv(run, f"{line}\ntime,rpm,current_A", lambda i, t, w, c: f"{t * 1e3:.0f},{w!r},{c!r}"))
+    assert np.allclose(log.time_s, run.time_s, atol=1e-9)
+
+
+def test_a_unit_that_the_steps_contradict_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`time unit: s` above rows a hundred apart: with seconds a row would last longer than any log's."""
+    text = csv(run, "# time unit: s\ntime,rpm,current_A", lambda i, t, w, c: f"{t * 1e3:.0f},{w!r},{c!r}")
+    assert [question.name for question in guess(tmp_path / "a.csv", text).guess.questions] == ["time_s"]
+
+
+def test_ticks_of_any_size_are_heard(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Stamps of 25 us, which is no unit's name."""
+    text = csv(run, "# timestamp unit: 25 us\nstamp,rpm,current_A", lambda i, t, w, c: f"{t * 4e4:.0f},{w!r},{c!r}")
+    assert np.allclose(_read(tmp_path, text.replace("stamp,", "timestamp,", 1)).time_s, run.time_s, atol=1e-9)
+
+
 @pytest.mark.parametrize("line", ["# timestamp unit: 10 us", "# time in units of 10 us", "% timer: 10 us per count"])
 def test_what_a_stamp_counts_in_is_heard(tmp_path: Path, run: rw_ekf.Log, line: str) -> None:
     """Stamps of ten microseconds each, by a line above them, are not of one: the run would be ten times as short."""
@@ -172,7 +268,8 @@ def test_the_rate_of_a_timer_beside_a_time_without_a_unit_is_asked_about(tmp_pat
     """100 kHz, or microseconds? With the first answer, the time is right."""
     text = csv(run, "# 100 kHz timer\ntimestamp,rpm,current_A", lambda i, t, w, c: f"{t * 1e5:.0f},{w!r},{c!r}")
     asked = guess(tmp_path / "a.csv", text)
-    assert [question.name for question in asked.guess.questions] == ["time_s"]
+    (question,) = asked.guess.questions
+    assert question.answers[0].entry == {"column": "timestamp", "unit": "us", "scale": 10.0}
     answered = rw_ekf.guess_columns(tmp_path / "a.csv", **{"time.unit": "10 us"})
     assert np.allclose(rw_ekf.read(tmp_path / "a.csv", answered.column_map).time_s, run.time_s, atol=1e-9)
 
@@ -213,6 +310,33 @@ def test_two_wheels_side_by_side_are_no_two_runs(tmp_path: Path, run: rw_ekf.Log
     assert np.unique(_read(tmp_path, alike).segment).size == 2
 
 
+@pytest.mark.parametrize(
+    "labels", ["Motor run 1,,,Motor run 2,,", "RW1 run 1,,,RW1 run 2,,", "forward 1,,,forward 2,,"]
+)
+def test_runs_of_one_machine_side_by_side_are_runs(tmp_path: Path, run: rw_ekf.Log, labels: str) -> None:
+    """A machine's name above both, or within another word, makes no two machines."""
+    names = "Time [s],Speed [rpm],Current [A]"
+    text = csv(run, f"{labels}\n{names},{names}", lambda i, t, w, c: f"{t},{w},{c},{t},{-w},{-c}")
+    assert np.unique(_read(tmp_path, text).segment).size == 2
+
+
+def test_wheels_side_by_side_with_clocks_of_their_own_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """One wheel's speed has not the other's time."""
+    names = "Time [s],Speed [rpm],Current [A]"
+    text = csv(run, f"Motor A,,,Motor B,,\n{names},{names}", lambda i, t, w, c: f"{t},{w},{c},{1.2 * t},{-w},{-c}")
+    (tmp_path / "a.csv").write_text(text)
+    answers = {"speed": "Motor B Speed [rpm]", "current": "Motor B Current [A]"}
+    questions = rw_ekf.guess_columns(tmp_path / "a.csv", **answers).guess.questions
+    assert [question.name for question in questions] == ["layout"]
+
+
+def test_inches_are_no_quotes(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`5" wheel` in a note opens no cell."""
+    notes = {2: '5" wheel', 7: '5" wheel'}
+    text = csv(run, "time_s,speed [rad/s],current_A,note", lambda i, t, w, c: f"{t!r},{w!r},{c!r},{notes.get(i, '')}")
+    assert np.array_equal(_read(tmp_path, text).speed_rad_s, run.speed_rad_s)
+
+
 def test_names_of_several_lines_within_quotes_are_names(tmp_path: Path, run: rw_ekf.Log) -> None:
     """As a sheet writes a header that is broken in its cells; rows keep their line in messages."""
     text = csv(run, '"Time\n[s]","Speed\n[rad/s]",current_A', lambda i, t, w, c: f"{t!r},{w!r},{c!r}")
@@ -248,6 +372,28 @@ def test_a_direction_may_say_that_the_wheel_stands(tmp_path: Path, run: rw_ekf.L
         lambda i, t, w, c: f"{t!r},{abs(float(speed[i]))!r},{words[float(np.sign(speed[i]))]},{c!r}",
     )  # fmt: skip
     assert np.array_equal(_read(tmp_path, text).speed_rad_s, speed)
+
+
+@pytest.mark.parametrize("word", ["STOP", "idle"])
+def test_a_wheel_that_coasts_turns_on_as_it_did(tmp_path: Path, run: rw_ekf.Log, word: str) -> None:
+    """Where STOP says that nothing drives, the speed keeps the sign that it had."""
+    at = int(np.argmin(run.speed_rad_s))
+    text = csv(
+        run, "time_s,speed [rad/s],direction,current [A]",
+        lambda i, t, w, c: f"{t!r},{abs(w)!r},{word if at < i < at + 3 else 'REV' if w < 0.0 else 'FWD'},{c!r}",
+    )  # fmt: skip
+    assert np.array_equal(_read(tmp_path, text).speed_rad_s[: at + 3], run.speed_rad_s[: at + 3])
+
+
+def test_columns_of_another_table_in_json_are_not_the_logs(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A matrix of calibration beside the rows has `columns` and `rows` too, and is shorter."""
+    rows = [
+        {"time_s": t, "speed_rad_s": w, "current_A": c}
+        for t, w, c in zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    ]
+    document = {"columns": ["x", "y"], "rows": [[1, 2], [3, 4], [5, 6]], "samples": rows}
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    assert np.array_equal(rw_ekf.read(tmp_path / "a.json").speed_rad_s, run.speed_rad_s)
 
 
 def test_rows_beside_their_names_in_json_have_them(tmp_path: Path, run: rw_ekf.Log) -> None:

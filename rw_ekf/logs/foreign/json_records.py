@@ -140,9 +140,9 @@ def _of_lines(text: str, name: str, columns: ColumnMap) -> RawTable:
             lines.append(number)
     if len(wrong) > max(1, len(numbered) // 100):
         raise LogError(f"{name}: line {wrong[0]}: is no JSON, as {len(wrong)} of {len(numbered)} lines: mend them")
-    if rows and all(row.keys() >= set(_JOURNAL) for row in rows):
-        stamp, message = _JOURNAL
-        said = [(int(row[stamp]), str(row[message])) for row in rows]
+    stamp, message = _JOURNAL
+    if rows and all(str(row.get(stamp, "")).isdecimal() for row in rows):
+        said = [(int(row[stamp]), row[message]) for row in rows if isinstance(row.get(message), str)]
         stated = _stamped((1000 * time_us, line) for time_us, line in said)
         return read_csv_table(LogText(Path(name), stated), columns.csv, columns.uses, name)
     table = _of_records(rows, lines, name)
@@ -211,7 +211,8 @@ def _table_in(document: Any, depth: int) -> tuple[dict[str, list[Any]], dict[str
     if not isinstance(document, dict) or depth > _DEEPEST:
         return None
     if (named := _named_rows(document)) is not None:
-        return named
+        other = None if "data" in document else _table_in({**document, "columns": None}, depth + 1)
+        return named if other is None or _length(named) >= _length(other) else other
     lists = {key: _as_list(value) for key, value in document.items()}
     columns = {key: value for key, value in lists.items() if value is not None and not _is_rows(value)}
     longest = max((len(value) for value in columns.values()), default=0)
@@ -230,6 +231,8 @@ def _named_rows(document: Mapping[str, Any]) -> tuple[dict[str, list[Any]], dict
     names, key = document.get("columns"), next((key for key in _ROWS if isinstance(document.get(key), list)), "")
     if not isinstance(names, list) or not key or not all(isinstance(row, list) for row in document[key]):
         return None
+    if key != "data" and not (document[key] and all(len(row) == len(names) for row in document[key])):
+        return None
     stated = [str(name.get("name", at)) if isinstance(name, dict) else str(name) for at, name in enumerate(names)]
     rows = [dict(zip(stated, row, strict=False)) for row in document[key]]
     return _by_column(rows), _beside(document, {"columns", key, "index"})
@@ -242,7 +245,11 @@ def _within_lists(rows: list[Any], depth: int) -> tuple[dict[str, list[Any]], di
         inner = [each for each in value if isinstance(each, dict)]
         found += [named for each in inner if (named := _named_rows(each)) is not None]
         found += [deeper for deeper in [_within_lists(inner, depth + 1)] if inner and depth < _DEEPEST and deeper]
-    return found[0] if len(found) == 1 else None
+    return found[0] if len(found) == 1 and _length(found[0]) > len(rows) else None
+
+
+def _length(table: tuple[dict[str, list[Any]], dict[str, Any]]) -> int:
+    return max(map(len, table[0].values()), default=0)
 
 
 def _of_list(rows: list[Any]) -> tuple[dict[str, list[Any]], dict[str, Any]] | None:
