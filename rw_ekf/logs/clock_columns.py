@@ -75,7 +75,7 @@ def _of_one_clock(values: dict[str, Float64Array]) -> dict[str, Float64Array]:
     """The parts without what is none of the second's: thousandths that do not begin anew with it."""
     if not values.keys() >= {"second", "minute"}:
         return {part: held for part, held in values.items() if part not in ("ms", "us")}
-    seconds = 60.0 * values["minute"] + values["second"]
+    seconds = past_full(60.0 * values["minute"] + values["second"], _HOUR_S)
     finer: list[str] = []
     for part, coarser in (("ms", seconds), ("us", values.get("ms", seconds))):
         if part in values and np.array_equal(coarser, np.round(coarser)) and _begins_anew(coarser, values[part], part):

@@ -203,5 +203,6 @@ def _days(dates: list[str], which: Int64Array, of_day_s: Float64Array) -> Float6
         return float(np.max(np.abs(np.diff(days[which[rows]] + of_day_s[rows])), initial=0.0))
 
     if len(ways) > 1 and len(dates) > 1 and longest(ways[0]) > DAY_S:
-        return next((days for days in ways[1:] if longest(days) < _HOUR_S), ways[0])
+        on = _HOUR_S if np.any(of_day_s[rows]) else DAY_S  # of dates alone, which have their times beside them
+        return next((days for days in ways[1:] if longest(days) <= on), ways[0])
     return ways[0] if ways else None
