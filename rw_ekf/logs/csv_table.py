@@ -19,6 +19,7 @@ from rw_ekf.logs.csv_slow import CsvFile, NoNumberError, OddRowError, place_find
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
+from rw_ekf.logs.quoted_names import names_in_one_line
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.settings_beside import parted
 from rw_ekf.logs.text_cells import BLANKS, TextLayout, has_units, is_stamp
@@ -42,10 +43,6 @@ _MINUS_CELL = re.compile(
 )
 _SOME_WORDS = re.compile(rb"[A-Za-z]{3,}[^A-Za-z]+[A-Za-z]{3,}")
 _EXPOSITION = re.compile(rb"^# TYPE \S+ (?:gauge|counter|untyped|histogram|summary)\s*$", re.MULTILINE)
-_NAME_LINES = 12  # in which the names of all columns end, where some of them have several
-_OPENED = re.compile(rb"""(?:^|[,;\t|])[ ]*"[^",;\t|]*\r?$""")  # the last cell of a line, and goes on
-_CLOSED = re.compile(rb"""[^",;\t|]*"[ ]*(?:[,;\t|]|\r?$)""")  # where the first cell of the next one ends
-_OF_NUMBERS = re.compile(rb"""[ ]*"?[+-]?[.]?\d""")
 _LAST_BYTES = 400  # of a text, in which a line of words may stand below the rows
 _A_NAME = 8  # characters: a shorter line may come again by chance
 
@@ -63,7 +60,7 @@ def read_csv_table(
             f"{name_shown}: is what a program shows to Prometheus, metrics of one moment: ask Prometheus for a range "
             "(/api/v1/query_range) and give the JSON that it answers"
         )
-    if (whole := _names_in_one_line(text, head)) is not None:
+    if (whole := names_in_one_line(text, head)) is not None:
         return read_csv_table(replace(text, unpacked=whole), layout, must_be_numeric, name_shown)
     if not _is_own(head, layout) and (other := turned(text, head, layout.delimiter)) is not None:
         read = read_csv_table(replace(text, unpacked=other), layout, must_be_numeric, name_shown)
@@ -112,34 +109,6 @@ def read_csv_table(
         shown = written.another[:_SHOWN]
         read.doubts += (f"{shown!r} stands between the rows: are those behind it of the same wheel?",)
     return read
-
-
-def _names_in_one_line(text: LogText, head: bytes) -> bytes | None:
-    """The text with names that have an end of line within their quotes, as a sheet writes them, in one; else None.
-
-    A quote counts where it begins a cell. Empty lines stand where names ended, so that every row is in its own line.
-    """
-    if b'"' not in head or b"\0" in head[:4096]:
-        return None
-    lines = head.split(b"\n", _NAME_LINES)[:_NAME_LINES]
-    lines = list(itertools.takewhile(lambda line: not _OF_NUMBERS.match(line), lines))
-    first = next((at for at, line in enumerate(lines) if _OPENED.search(line)), None)
-    if first is None:
-        return None
-    last, is_open = first, True
-    while is_open and last + 1 < len(lines):
-        last += 1
-        if _CLOSED.match(lines[last]):
-            is_open = _OPENED.search(lines[last]) is not None
-        elif b'"' in lines[last]:
-            return None
-    if is_open:
-        return None
-    names = b" ".join(line.strip(b"\r") for line in lines[first : last + 1])
-    with text.open() as stream:
-        everything = stream.read().split(b"\n")
-    everything[first : last + 1] = [names, *[b""] * (last - first)]
-    return b"\n".join(everything)
 
 
 def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> TextLayout | None:

@@ -25,6 +25,7 @@ from rw_ekf.logs.text_cells import (
     without_trailing,
 )
 from rw_ekf.logs.text_forms import RECEIVED
+from rw_ekf.logs.which_wheel import named_by_device
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
@@ -40,14 +41,6 @@ _SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scop
 _MOST_REMARKS = 3  # lines of them below the units
 _KEYED = re.compile(r"([^\W\d][\w ]*?): *(.*)")
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
-_DEVICE = re.compile(  # RW1; wheel A; left motor
-    r"(?<![^\W\d_])(?:(?:left|right|front|rear|upper|lower)[ _-]?(?:wheel|motor|rw)|"
-    r"(?:reaction[ _-]?wheel|wheel|rw|motor|axis|unit|node|esc|rad|achse)[\s_.:#-]*(?:\d+|[a-z])(?![^\W_]))",
-    re.IGNORECASE,
-)
-_OF_A_RUN = re.compile(
-    r"(?<![^\W\d_])(?:runs?|tests?|trials?|cycles?|lauf|versuch|messung|essai)(?![^\W\d_])", re.IGNORECASE
-)
 _RULE = re.compile(r"(?=.*[-=_]{3})[-=_+|:,;\s]+")  # drawn below the names
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*|^C(?=\s{2})\s*")  # the last in Fortran
 _SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no name: an inertia above the columns
@@ -118,7 +111,7 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     exact = layout.delimiter == CELL
     if not remarks and (exact or len(groups) == len(names)) and not any(map(layout.is_value, groups)):
         remarks = held_to_the_right(groups)
-        names = _of_devices(names, remarks)
+        names = named_by_device(names, remarks)
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
     ragged = not exact and _shift(names, rows, layout)
@@ -364,17 +357,6 @@ def _are_names(cells: list[str], layout: TextLayout, line: str = "") -> bool:
     if is_comment(line, layout) and _roles(filled) < 2 and any(is_number(cell, layout.decimal) for cell in filled):
         return False
     return bool(filled) and sum(map(layout.is_value, filled)) < MOSTLY * len(filled)
-
-
-def _of_devices(names: tuple[str, ...], above: tuple[str, ...]) -> tuple[str, ...]:
-    """Names that come again below another device each, `RW1,,,RW2,,` above them, with the device in front."""
-    alike = Counter(names)
-    told = {name: {label for label, other in zip(above, names, strict=False) if other == name} for name in alike}
-    devices = [_DEVICE.search(label) for label in above]
-    which = {match[0].lower() for match in devices if match is not None}
-    whole = all(alike[name] == len(told[name]) == len(which) > 1 for name in names) and None not in devices
-    whole = whole and not any(map(_OF_A_RUN.search, above))
-    return tuple(f"{label} {name}" for label, name in zip(above, names, strict=True)) if whole else names
 
 
 def _odd_header(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> tuple[str, ...]:
