@@ -189,7 +189,9 @@ class Pane {
     this.state = state;
     if (!state) { this.say("ended", "a run of the past: nothing publishes it now", ""); this.q(".link").textContent = ""; }
     else {
-      const since = state.since_utc ? ` since ${state.since_utc.slice(11, 19)} UTC` : "";
+      const after = (Date.parse(state.since_utc) - Date.parse(state.began_utc)) / 1000;
+      const start = after >= 0 ? ` (${after.toFixed(1)} s after the run's start)` : "";
+      const since = state.since_utc ? ` since ${state.since_utc.slice(11, 19)} UTC${start}` : "";
       const shown = state.alive ? state.run_state : state.ended_utc ? "ended" : "dead";
       const kind = !state.alive ? (state.ended_utc ? "" : "bad") : state.run_state === "TRACKING" ? "good" : state.run_state === "SAFE" ? "bad" : "warn";
       const last = state.alive ? "" : `last ${state.run_state}: `;
@@ -425,6 +427,7 @@ class Pane {
       const item = document.createElement("li"), button = document.createElement("button"), time = document.createElement("time");
       button.type = "button";
       time.textContent = event.time_s == null ? (event.utc || "").slice(11, 19) : clock(event.time_s - this.zero());
+      if (event.utc) time.title = event.utc;
       const what = event.event === "state" ? `${event.state}: ${event.reason || ""}` : `${(event.event || "").replaceAll("_", " ")}${event.text || event.reason ? `: ${event.text || event.reason}` : ""}`;
       button.append(time, " ", what);
       if (event.time_s != null) button.addEventListener("click", () => this.see(event.time_s - 15, event.time_s + 15));
