@@ -250,6 +250,17 @@ def test_stop_imports_nothing_heavy(tmp_path: Path) -> None:
         assert heavy_imports("stop", "--config", str(bench.config())) == (0, "")
 
 
+def test_a_run_needs_nothing_of_pictures_and_tables(tmp_path: Path) -> None:
+    """A board for which matplotlib, Pillow and arrow have no wheel drives the reaction wheel, and logs what it did."""
+    with served_wheel(tmp_path) as bench:
+        status, loaded = heavy_imports(
+            "run", "--config", str(bench.config()), "--duration", "3", heavy=("matplotlib", "PIL", "pyarrow")
+        )
+    assert (status, loaded) == (0, "")
+    (log,) = (tmp_path / "runs").glob("*_wheel.csv")
+    assert len(log.read_text().splitlines()) > 10
+
+
 def test_a_replay_without_a_file_of_settings_loads_no_checker_of_them(tmp_path: Path) -> None:
     """Of a log of ten minutes that was a tenth of its time, and 8 MB."""
     log = profile_log(tmp_path / "log.csv", samples=300)
