@@ -29,12 +29,13 @@ QUICK = (  # the daemon's own command line, saving what it learned twice a secon
 TRUTH = 15.205
 
 
-def saved_after(path: Path, moment: datetime) -> datetime | None:
-    """When the file was saved, once that is later than `moment`; its thread keeps the computer's time."""
+def saved_after(directory: Path, moment: datetime) -> datetime | None:
+    """When the file there was saved, once that is later than `moment`; its thread keeps the computer's time."""
     end_s = time.monotonic() + 20.0
     while time.monotonic() < end_s:
-        if path.exists() and read_learned(path).saved >= moment:
-            return read_learned(path).saved
+        files = list(directory.glob("*.learned.yaml"))
+        if len(files) == 1 and read_learned(files[0]).saved >= moment:
+            return read_learned(files[0]).saved
         time.sleep(0.002)
     return None
 
@@ -50,8 +51,7 @@ def test_whenever_it_ends_a_minute_is_lost_at_most(tmp_path: Path) -> None:
     def look(at_s: float) -> Any:
         def happen(wheel: object, stop: object) -> None:
             now = began + timedelta(seconds=at_s)
-            (file,) = path.glob("*.learned.yaml")
-            saved = saved_after(file, now - timedelta(seconds=61.0))
+            saved = saved_after(path, now - timedelta(seconds=61.0))
             assert saved is not None
             ages.append((now - saved).total_seconds())
 

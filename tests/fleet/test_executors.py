@@ -15,6 +15,7 @@ import yaml
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import Executor, ProcessExecutor, WorkerLostError, executor_of
+from tests.live.bench import wait_for
 
 pytestmark = pytest.mark.xdist_group("fleet")
 
@@ -56,7 +57,7 @@ def test_what_is_submitted_comes_back_under_its_name(executor: Executor) -> None
         executor.submit(str(number), square, number)
     assert results(executor) == {str(number): number**2 for number in range(10)}
     assert results(executor) == {}
-    assert executor.cores == 2
+    wait_for(lambda: executor.cores == 2)  # a worker may come later than the first one's results
 
 
 def test_what_is_submitted_meanwhile_comes_back_too(executor: Executor) -> None:

@@ -40,7 +40,7 @@ def points(value: Float64Array, std: float, years: float = 1.0, warmth_K: Float6
 def wheel_days(value: Float64Array, std: float, temperature_degC: float | Float64Array = 20.0) -> WheelDays:
     n = value.size
     numbers = dict.fromkeys(("motor_gain", "viscous", "coulomb", "static"), value)
-    days = tuple(str(np.datetime64("2026-01-01") + i) for i in range(n))
+    days = tuple(str(np.datetime64("2026-01-01") + np.timedelta64(i, "D")) for i in range(n))
     warmth = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), n).copy()
     stds = {name: np.full(n, std) for name in numbers}
     return WheelDays(
