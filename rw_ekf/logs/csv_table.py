@@ -55,16 +55,17 @@ def read_csv_table(
     Raises LogError naming the line and the column of the first fault, EmptyLogError for a file without data.
     """
     head = _head_of(text)
-    if _EXPOSITION.search(head):
-        raise LogError(
-            f"{name_shown}: is what a program shows to Prometheus, metrics of one moment: ask Prometheus for a range "
-            "(/api/v1/query_range) and give the JSON that it answers"
-        )
-    if (whole := names_in_one_line(text, head)) is not None:
-        return read_csv_table(replace(text, unpacked=whole), layout, must_be_numeric, name_shown)
-    if not _is_own(head, layout) and (other := turned(text, head, layout.delimiter)) is not None:
-        read = read_csv_table(replace(text, unpacked=other), layout, must_be_numeric, name_shown)
-        return replace(read, place=lambda row: f"sample {row + 1}")
+    if not _is_own(head, layout):
+        if _EXPOSITION.search(head):
+            raise LogError(
+                f"{name_shown}: is what a program shows to Prometheus, metrics of one moment: ask Prometheus for a "
+                "range (/api/v1/query_range) and give the JSON that it answers"
+            )
+        if (whole := names_in_one_line(text, head)) is not None:
+            return read_csv_table(replace(text, unpacked=whole), layout, must_be_numeric, name_shown)
+        if (other := turned(text, head, layout.delimiter)) is not None:
+            read = read_csv_table(replace(text, unpacked=other), layout, must_be_numeric, name_shown)
+            return replace(read, place=lambda row: f"sample {row + 1}")
     found = _other_layout(text, layout, must_be_numeric)
     if found is not None and (cut := parted(text, head, layout.delimiter)) is not None:
         read = read_csv_table(replace(text, unpacked=cut[0]), layout, must_be_numeric, name_shown)

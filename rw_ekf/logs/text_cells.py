@@ -50,7 +50,7 @@ _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an os
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 _TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width
 _BETWEEN_THOUSANDS = re.compile("(?<=[0-9])['’\u00a0\u202f](?=[0-9]{3})")
-MINUS = re.compile(r"(?<![\w.])[−–](?=[.,]?\d)|(?<=\d[eE])−(?=\d)")  # of typography
+_MINUS = re.compile(r"(?<![\w.])[−–](?=[.,]?\d)|(?<=\d[eE])−(?=\d)")  # of typography
 _BLANKED = re.compile(r"[+-]?[1-9]\d{0,2}( \d{3})+(?:[.,]\d+)?")  # 1 234,50
 _SIGN_APART = re.compile(r"(?<![^,;|\t\"])([ ]*[+-])[ ]+(?=[\d.])")  # +  1023.5, of recorders
 
@@ -84,7 +84,7 @@ class TextLayout:
         """The cells of a line, without the blanks around them; none of what cannot be cut."""
         line = self.form.row(line, self.delimiter)
         if "'" in line or not line.isascii():  # else it has neither, and looking for them takes half of the time
-            line = MINUS.sub("-", _BETWEEN_THOUSANDS.sub("", line))
+            line = _MINUS.sub("-", _BETWEEN_THOUSANDS.sub("", line))
         if self.delimiter != ";" and line.endswith(";"):
             line = line.rstrip("; ")  # the end of a statement, or of a matrix's row
         return split_cells(line, self.delimiter)
