@@ -72,21 +72,25 @@ def _times_of(records: Sequence[tuple[str, Mapping[str, Any]]], alike: Set[str])
     alike: the kinds whose rows the others are put beside.
     """
     is_base = np.array([kind in alike for kind, _ in records])
-    codes = np.unique(["" if kind in alike else kind for kind, _ in records], return_inverse=True)[1].astype(np.int64)
+    codes = _codes(["" if kind in alike else kind for kind, _ in records])
     for name in records[0][1]:
         if role_of(stated_by(name)) != "time" or not all(name in record for _, record in records):
             continue
-        cells = [record[name] for _, record in records]
-        time_s = _seconds(cells)
-        found = None if time_s is None else on_one_axis(time_s, codes)
-        if found is not None and _tells_rows(found, is_base):
+        time_s = _seconds([record[name] for _, record in records])
+        if time_s is not None and (found := _axis(time_s, codes, is_base)) is not None:
             return found
     return None
 
 
-def _tells_rows(time_s: Float64Array, is_base: BoolArray) -> bool:
-    """Whether no two rows of the base have the same of the times (n,) of all."""
-    return bool(np.all(np.diff(np.sort(time_s[is_base])) > 0.0))
+def _codes(kinds: Sequence[str]) -> Int64Array:
+    """A number for each of the kinds of rows (n,), from 0."""
+    return np.unique(kinds, return_inverse=True)[1].astype(np.int64)
+
+
+def _axis(time_s: Float64Array, codes: Int64Array, is_base: BoolArray) -> Float64Array | None:
+    """Times of rows (n,) of several kinds on one axis; None where none is, or two rows of the base have the same."""
+    found = on_one_axis(time_s, codes)
+    return found if found is not None and np.all(np.diff(np.sort(found[is_base])) > 0.0) else None
 
 
 def _held_by_time(
@@ -175,9 +179,10 @@ def _wide(table: RawTable, cells: list[str], value: Float64Array, rest: list[int
     if len(kinds) < 2:
         return None
     base = base_kind({kind: [kind] for kind in kinds}, Counter(cells))
-    rows = np.flatnonzero([cell == base for cell in cells]).astype(np.int64)
+    is_base = np.array([cell == base for cell in cells])
+    rows = np.flatnonzero(is_base).astype(np.int64)
     columns = [taken(table.columns[column], rows) for column in rest]
-    times = _times(table, cells, base, rest)
+    times = _times(table, _codes(cells), is_base, rest)
 
     def last(kind: str) -> Float64Array:
         if times is None:
@@ -224,7 +229,7 @@ def _are_signals(cells: list[str]) -> bool:
     return "" not in counts and 1 < len(counts) <= _MOST_KINDS and len(cells) >= _LEAST_ROWS * len(counts) and speeds
 
 
-def _last(cells: Sequence[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:
+def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:
     """The last value (m,) of a kind at each of the rows (m,) by the order of the file; NaN before the first.
 
     At the time of a row itself its own come later by an order of writing that means nothing, so the next few count too.
@@ -237,21 +242,19 @@ def _last(cells: Sequence[Any], kind: Any, value: Float64Array, rows: Int64Array
     return np.asarray(found, dtype=np.float64)
 
 
-def _times(table: RawTable, cells: Sequence[str], base: str, rest: Sequence[int]) -> Float64Array | None:
+def _times(table: RawTable, codes: Int64Array, is_base: BoolArray, rest: Sequence[int]) -> Float64Array | None:
     """When the rows (n,) of named values are from, on one axis; None where no column tells it to the row.
 
-    cells: what each is a value of; rest: the other columns. Without names whatever rises in the rows of each is a time.
+    codes: what each is a value of; rest: the other columns. Without names whatever rises in the rows of each is a time.
     """
     if any(TELLING.search(table.names[column]) and len(table.distinct(column, MOST_WHEELS)) > 1 for column in rest):
         return None  # of several wheels: one's values are not the other's
-    codes = np.unique(np.array(cells), return_inverse=True)[1].astype(np.int64)
-    is_base = np.array([cell == base for cell in cells])
     for column in rest:
         time_s = table.numbers(column, stamps=True)
         if any(table.names):
             is_time = role_of(stated_by(table.names[column])) == "time"
         else:
             is_time = all(np.all(np.diff(time_s[codes == code]) >= 0.0) for code in range(int(codes.max()) + 1))
-        if is_time and (found := on_one_axis(time_s, codes)) is not None and _tells_rows(found, is_base):
+        if is_time and (found := _axis(time_s, codes, is_base)) is not None:
             return found
     return None

@@ -32,14 +32,14 @@ def last_known(at_s: Float64Array, time_s: Float64Array) -> Int64Array:
     second of two requests. Of equal times the later in order counts.
     """
     order = np.append(np.argsort(time_s, kind="stable"), -1)
-    sorted_s = time_s[order[:-1]]
-    within = max(_SAME_TURN * usual_step(np.sort(at_s)), _steady_lag(np.sort(at_s), sorted_s))
+    sorted_s, at = time_s[order[:-1]], np.sort(at_s)
+    step = usual_step(at)
+    within = max(_SAME_TURN * step, _steady_lag(at, sorted_s, step))
     return order[np.searchsorted(sorted_s, at_s + within, side="right") - 1]
 
 
-def _steady_lag(at_s: Float64Array, time_s: Float64Array) -> float:
+def _steady_lag(at_s: Float64Array, time_s: Float64Array, step: float) -> float:
     """How long after each of sorted times (m,) the one of others (n,) comes that is of the same turn; 0: none is."""
-    step = usual_step(at_s)
     if not at_s.size or abs(len(time_s) - len(at_s)) > _UNPAIRED * len(at_s):
         return 0.0
     lag = time_s[np.minimum(np.searchsorted(time_s, at_s), len(time_s) - 1)] - at_s
@@ -58,17 +58,17 @@ def on_one_axis(time_s: Float64Array, kinds: Int64Array) -> Float64Array | None:
     if not np.isfinite(time_s).all() or not time_s.size:
         return None
     runs = np.zeros(len(time_s))
-    last = set()
-    begins, ends = [], []
+    last, latest_begin, first_end = set(), -np.inf, np.inf
     for kind in range(int(kinds.max()) + 1):
         own = kinds == kind
         step = np.diff(time_s[own])
         if step.size:
-            begins.append(time_s[own].min())
-            ends.append(time_s[own].max())
-        if step.size and float(np.mean(step == 0.0)) > _REPEATED:
-            return None
+            latest_begin = max(latest_begin, time_s[own].min())
+            first_end = min(first_end, time_s[own].max())
+            if float(np.mean(step == 0.0)) > _REPEATED:
+                return None
         runs[own] = 0.0 if np.all(step <= 0.0) else restarted(time_s[own])
         last.add(runs[own][-1])
-    apart = bool(begins) and max(begins) > min(ends)  # by other clocks
-    return None if len(last) > 1 or apart else time_s + _APART * float(np.ptp(time_s)) * runs
+    if len(last) > 1 or latest_begin > first_end:  # by other clocks
+        return None
+    return time_s + _APART * float(np.ptp(time_s)) * runs
