@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.clock_columns import MAY_BE_A_PART
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_brackets import without_unit
 from rw_ekf.logs.column_doubts import ask_what_is_open
@@ -36,7 +37,6 @@ from rw_ekf.logs.column_time import (
 from rw_ekf.logs.column_units import Unit, unit_of
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import goes_with_seconds, is_even, usual_step
-from rw_ekf.logs.side_by_side import MAY_BE_A_PART
 from rw_ekf.numbers import number_text
 
 _NOTHING_GIVEN = ColumnMap()

@@ -18,7 +18,7 @@ from rw_ekf.checking.paths import path_of
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.assembly import Assembly
 from rw_ekf.logs.checksums import all_sums, part_key, sums_of
-from rw_ekf.logs.clock_columns import with_clock_columns
+from rw_ekf.logs.clock_columns import with_clock_columns, with_whole_time
 from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.formats import format_of
@@ -27,7 +27,7 @@ from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
 from rw_ekf.logs.part_compression import packed_path
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
 from rw_ekf.logs.raw_table import RawTable, number_or_none, stacked
-from rw_ekf.logs.side_by_side import beside_each_other, in_turn, with_whole_time, without_empty_rows
+from rw_ekf.logs.side_by_side import beside_each_other, in_turn, without_empty_rows
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.logs.which_wheel import rows_of_wheel
 

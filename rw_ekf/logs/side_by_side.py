@@ -1,4 +1,4 @@
-"""Columns that belong together otherwise than a table says: tables side by side, and a time in two columns.
+"""Columns that belong together otherwise than a table says: tables side by side, and rows of other times in one.
 
 Each of several tables beside one another begins with its own time. With the same names they are runs, one after the
 other; with others, channels of other rates, which are put on the times of that with the speed.
@@ -7,7 +7,6 @@ other; with others, channels of other rates, which are put on the times of that 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,25 +16,12 @@ from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.interleaved import has_speed
 from rw_ekf.logs.last_known import held_at, on_one_axis
 from rw_ekf.logs.raw_table import RawTable, taken
-from rw_ekf.logs.row_rules import goes_with_seconds
-from rw_ekf.logs.time_text import DAY_S
 
 _TOGETHER = 0.5  # of the values of a column stand in rows of the speed where it was sampled with it
 _LEAST_VALUES = 10  # of a slow channel
 _UNEVEN = 5.0  # times the usual gap between its values, at most
 _DRIVES = ("current", "current_set", "torque", "force", "voltage")
 _SLOW = ("temperature", "pressure", "bus_voltage")
-_WHOLE = 1.0e-6  # [s] from whole seconds, as floats since 1970 have them
-_FALLS = 0.01  # of the rows, at most, where columns together are a time
-MAY_BE_A_PART = ("other", "time", "count", "segment")
-_PARTS_OF_A_SECOND = (1.0, 1e-2, 1e-3, 1e-6, 1e-9)
-_ALIKE = 5.0  # times the steps within a second, at most, are those into the next: else of other parts
-_SECONDS = re.compile(r"(.*?)(sec(s|onds?)?|tv_sec|s)", re.IGNORECASE)
-_PARTS = {
-    1e-9: re.compile(r"(.*?)(nano?sec(s|onds?)?|nsecs?|tv_nsec|ns|nanos)", re.IGNORECASE),
-    1e-6: re.compile(r"(.*?)(micro?sec(s|onds?)?|usecs?|tv_usec|us|micros)", re.IGNORECASE),
-    1e-3: re.compile(r"(.*?)(milli?sec(s|onds?)?|msecs?|ms|millis)", re.IGNORECASE),
-}
 
 
 def without_empty_rows(table: RawTable) -> RawTable:
@@ -61,89 +47,6 @@ def _is_empty(table: RawTable, number: int) -> BoolArray:
     if table.is_text(number):
         return np.array([cell is None or not str(cell).strip() for cell in table.cells(number)])
     return np.isnan(table.numbers(number, stamps=True))
-
-
-def with_whole_time(table: RawTable) -> RawTable:
-    """The table with a column `sec + nsec [s]` where its time is in two, whole seconds and a part of one.
-
-    So it is where dates stand beside times of day: these then have the days too.
-    """
-    table = _with_days(table)
-    for first, name in enumerate(table.names):
-        whole = _SECONDS.fullmatch(name)
-        stamped = not table.is_plain_number(first) and role_of(stated_by(name)) == "time"
-        if whole is None and not stamped:
-            continue
-        for factor, pattern in _PARTS.items():
-            for second, other in enumerate(table.names):
-                part = pattern.fullmatch(other)
-                if part is None or part[1] != ("" if whole is None else whole[1]):
-                    continue
-                seconds, rest = table.numbers(first, stamps=True), table.numbers(second)
-                if not _is_part(seconds, factor * rest):
-                    continue
-                return _joined(table, first, second, seconds + factor * rest)
-    return _with_what_begins_anew(table)
-
-
-def _joined(table: RawTable, first: int, second: int, time_s: Float64Array) -> RawTable:
-    """The table with a time (n,) that two columns make, of an epoch to a quarter of a microsecond, as any float."""
-    name = f"{table.names[first]} + {table.names[second]} [s]"
-    return replace(table, names=(*table.names, name), columns=[*table.columns, time_s])
-
-
-def _with_what_begins_anew(table: RawTable) -> RawTable:
-    """The same where no name says it: a column that begins anew with each second of another is what it lacks."""
-    stated = [stated_by(name) for name in table.names]
-    parts = {
-        second: values
-        for second, each in enumerate(stated)
-        if role_of(each) in MAY_BE_A_PART and table.is_plain_number(second)
-        and (values := table.numbers(second)).size and values.min() >= 0.0 and np.any(np.diff(values) < 0.0)
-    }  # fmt: skip
-    clocks = [number for number, each in enumerate(stated) if parts and role_of(each) == "time" and number not in parts]
-    for first in clocks:
-        seconds = table.numbers(first, stamps=True)
-        for second, values in parts.items():
-            unit = stated[second].unit
-            for factor in _PARTS_OF_A_SECOND if unit is None else (unit.factor,):
-                if goes_with_seconds(seconds, values) and _is_part(seconds, part_s := factor * values):
-                    step, anew = np.diff(seconds + part_s), np.diff(seconds) > 0.0
-                    if float(np.median(step[anew])) < _ALIKE * float(np.median(step[~anew])):
-                        joined = _joined(table, first, second, seconds + part_s)
-                        text = f"'{table.names[second]}' begins anew with each second of '{table.names[first]}'"
-                        joined.warnings = [*table.warnings, f"{table.path}: {text}: it is taken for the part of it"]
-                        return joined
-    return table
-
-
-def _with_days(table: RawTable) -> RawTable:
-    """The table, its only times of day as seconds since 1970 where the only dates beside them are of several days."""
-    stamps = [number for number in range(len(table.names)) if not table.is_plain_number(number)]
-    if len(stamps) < 2:
-        return table
-    held = {number: table.numbers(number, stamps=True) for number in stamps}
-    held = {number: seconds for number, seconds in held.items() if np.isfinite(seconds).all() and seconds.size > 2}
-    dates = [number for number, seconds in held.items() if seconds[0] >= DAY_S and not np.any(seconds % DAY_S)]
-    times = [number for number, seconds in held.items() if seconds[0] < DAY_S]
-    if len(dates) != 1 or len(times) != 1 or np.ptp(held[dates[0]]) == 0.0:
-        return table
-    seconds = held[dates[0]] + held[times[0]] % DAY_S
-    if float(np.mean(np.diff(seconds) < 0.0)) >= _FALLS:
-        return table
-    import pyarrow as pa
-
-    columns = list(table.columns)
-    columns[times[0]] = pa.array(np.round(1e6 * seconds).astype(np.int64), type=pa.timestamp("us"))  # stamps as before
-    return replace(table, columns=columns)
-
-
-def _is_part(seconds: Float64Array, part_s: Float64Array) -> bool:
-    """Whether one column is whole seconds and the other what is missing to the time, which then never falls."""
-    if not (np.isfinite(seconds).all() and np.isfinite(part_s).all() and len(seconds) > 2):
-        return False
-    within = bool(np.all((part_s >= 0.0) & (part_s < 1.0)) and np.all(np.abs(seconds - np.round(seconds)) < _WHOLE))
-    return within and float(np.mean(np.diff(seconds + part_s) < 0.0)) < _FALLS
 
 
 def beside_each_other(table: RawTable) -> RawTable | None:

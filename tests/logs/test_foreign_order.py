@@ -185,6 +185,12 @@ def test_thousandths_that_do_not_begin_with_the_second_are_none_of_it(tmp_path: 
     assert np.allclose(log.time_s - log.time_s[0], run.time_s, atol=1e-9)
 
 
+def test_one_row_of_a_time_in_columns_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    """Nothing rises in it, and numpy has nothing to say of it."""
+    with pytest.raises(rw_ekf.Error, match="time_s is missing"):
+        _read(tmp_path, "hour,minute,second,ms,rpm,current_A\n9,0,1,20,3,0.1\n")
+
+
 def test_whole_seconds_of_many_rows_are_spread(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Hours, minutes and whole seconds at ten rows a second, as any coarse stamp."""
     text = csv(
