@@ -73,7 +73,9 @@ class OperatingPoints:
             self._shown = None
 
     def add_all(self, speed_rad_s: Float64Array, current_A: Float64Array) -> None:
-        """Count used readings, (n,) each, in order of time."""
+        """Count used readings, (n,) each, in order of time; none where all has been shown already."""
+        if all(self.shown):
+            return
         slides: BoolArray = np.abs(speed_rad_s) >= self.creep_rad_s
         self.creeping += int(np.count_nonzero(~slides))
         self._shown = None

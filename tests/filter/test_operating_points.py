@@ -132,3 +132,17 @@ def test_what_was_known_before_is_valid_from_the_start() -> None:
     _, results = online(motion("at rest"), constants_for(), known)
     assert all(r.valid == ParameterFlags(True, True, True, True) for r in results[:10])
     assert results[-1].valid == ParameterFlags(True, True, True, True)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_log_in_parts_shows_what_it_shows_as_a_whole(name: str) -> None:
+    """Once a motion has shown all four parameters the rest of it is not counted: it can take none of them back."""
+    log = motion(name)
+    whole, parts = (OperatingPoints.of_wheel(CK13_STATISTICAL, OMEGA_S) for _ in range(2))
+    whole.add_all(log.speed_rad_s, log.current_A)
+    shown = []
+    for part in np.array_split(np.arange(N), 17):
+        parts.add_all(log.speed_rad_s[part], log.current_A[part])
+        shown.append(parts.shown)
+    assert parts.shown == whole.shown
+    assert all(after >= before for one, other in pairwise(shown) for before, after in zip(one, other, strict=True))
