@@ -44,6 +44,7 @@ class Printed:
     body: list[str] = field(default_factory=list)
     cost: int = 0  # statements that it runs at most, with those that it calls
     public: bool = False
+    inline: bool = False  # of a loop over a log, in which a call costs as much as what is called
     calls: list[Printed] = field(default_factory=list)
 
     @property
@@ -56,7 +57,8 @@ class Printed:
         """Its declaration, without a semicolon."""
         given = ", ".join(declared(of, c_name(name), parameter=True) for name, of in self.parameters) or "void"
         result = "void" if self.result is None else c_type(self.result)
-        return f"{'' if self.public else 'static '}{result} {self.name}({given})"
+        scope = "" if self.public else "static inline " if self.inline else "static "
+        return f"{scope}{result} {self.name}({given})"
 
 
 class Program(Names):
@@ -208,7 +210,8 @@ class Program(Names):
             last = body
         else:
             raise NotPrintableError(f"{function.__qualname__}: its types do not settle")
-        found = Printed(self._name_of(function), body.result, parameters, cost=self.cost, calls=calls)
+        name, inline = self._name_of(function), self.sizes_known and not self.bounded
+        found = Printed(name, body.result, parameters, cost=self.cost, inline=inline, calls=calls)
         unused = [f"    (void){c_name(name)};" for name, _ in parameters if name not in body.scope.used]
         found.comment = _comment(source.docstring)
         found.body = ["{", *unused, *body.declarations(), *body.lines, "}", ""]

@@ -29,12 +29,12 @@ def predict_covariance(P: Any, row: Any, noise: Any, work: Any, table: Any) -> N
     """
     n = STATE_SIZE if table is None else row.size
     for j in range(n):
-        total = 0.0
-        for m in range(n):
+        total = row[SPEED] * P[j, SPEED]
+        for m in range(1, n):
             total += row[m] * P[j, m]
         work[j] = total
-    corner = 0.0
-    for m in range(n):
+    corner = row[SPEED] * work[SPEED]
+    for m in range(1, n):
         corner += row[m] * work[m]
     P[SPEED, SPEED] = corner + noise[SPEED]
     for j in range(1, n):

@@ -13,14 +13,18 @@ _SHORT_TURN = 0.3  # rad
 def phi_1(x: float) -> float:
     """(1 - exp(-x)) / x [-], the mean of exp(-t) over 0 <= t <= x; accurate through x = 0."""
     if abs(x) < _SHORT:  # the next term: x^6/5040, below 2e-14
-        return 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0)))))
+        square = x * x  # in pairs, which a processor works out side by side: a filter's step waits for this
+        far = 1.0 / 6.0 - x * (1.0 / 24.0) + square * (1.0 / 120.0 - x * (1.0 / 720.0))
+        return 1.0 - 0.5 * x + square * far
     return -math.expm1(-x) / x
 
 
 def phi_1_slope(x: float) -> float:
     """d/dx of (1 - exp(-x)) / x [-], accurate through x = 0."""
     if abs(x) < _SHORT:
-        return -0.5 + x * (1.0 / 3.0 - x * (1.0 / 8.0 - x * (1.0 / 30.0 - x * (1.0 / 144.0 - x * (1.0 / 840.0)))))
+        square = x * x
+        far = 1.0 / 8.0 - x * (1.0 / 30.0) + square * (1.0 / 144.0 - x * (1.0 / 840.0))
+        return -0.5 + x * (1.0 / 3.0) - square * far
     return (math.exp(-x) * (1.0 + x) - 1.0) / (x * x)
 
 

@@ -31,6 +31,14 @@ def _far_time(v: float, target: float, net: float, b: float) -> float:
     return (target - v) / rate * (math.log1p(z) / z if abs(z) > 1.0e-12 else 1.0)
 
 
+def _far_slopes(v: float, net: float, b: float, h: float) -> tuple[float, float, float]:
+    """Sensitivities of the speed h [s] after v to v, to the push and to b, where dv/dt = net - b v  (eq. 9)."""
+    x = b * h
+    gain = h * phi_1(x)
+    keep = 1.0 - b * gain
+    return keep, gain, -h * keep * v + net * h * h * phi_1_slope(x)
+
+
 def _step(
     v: float, rate: float, slope: float, h: float, push: float, b: float, c: float, s: float, omega_s: float, law: int
 ) -> tuple[float, float, float]:
@@ -106,10 +114,7 @@ def slip(
             if end < far:
                 h = min(max(_far_time(v, far, net, b), 0.0), left)
                 end = far
-            x = b * h
-            gain = h * phi_1(x)
-            keep = 1.0 - b * gain
-            of_b = -h * keep * v + net * h * h * phi_1_slope(x)
+            keep, gain, of_b = _far_slopes(v, net, b, h)
             to_v *= keep
             to_push = keep * to_push + gain
             to_b = keep * to_b + of_b
@@ -174,6 +179,14 @@ def flow(
     to_omega, to_drive, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
     s = curve.s
     left = duration
+    far = far_limit(curve.law) * curve.omega_s
+    if abs(omega) > far and curve.b * duration >= -_MAX_GROWTH:  # mostly: `slip` says the same, in twice the time
+        sigma = math.copysign(1.0, omega)
+        v, net = abs(omega), sigma * drive - curve.c
+        end = v + (net - curve.b * v) * duration * phi_1(curve.b * duration)
+        if end > far:
+            to_omega, to_drive, to_b = _far_slopes(v, net, curve.b, duration)
+            return sigma * end, to_omega, to_drive, sigma * to_b, -sigma * to_drive, 0.0
     if omega != 0.0:
         sigma = math.copysign(1.0, omega)
         v, left, to_omega, to_push, to_b, to_c, to_s = slip(sigma * omega, sigma * drive, curve, left, slopes)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rw_ekf.model.flow import flow
+from rw_ekf.model.flow import flow, slip
 from rw_ekf.model.friction import GAUSS, LAW_CODES, FrictionCurve
 from rw_ekf.wheel.interval import Pieces
 from rw_ekf.wheel.transition import interval
@@ -28,6 +28,7 @@ drives = st.floats(-6.0, 6.0)
 parameters = st.tuples(st.floats(0.0, 0.01), st.floats(0.3, 0.9), st.floats(-0.1, 0.1)).map(
     lambda p: (p[0], p[1], p[1] + p[2])
 )
+signs = st.sampled_from((1.0, -1.0))
 laws = st.sampled_from(sorted(LAW_CODES.values()))
 
 
@@ -87,6 +88,21 @@ def test_the_flow_is_that_of_an_adaptive_integrator(law: str, duration: float, w
     for case in draw_cases(law, duration, wide):
         found = run(case, LAW_CODES[law], duration)[0]
         assert found == pytest.approx(exact(case, law, duration), rel=1e-9, abs=error), case
+
+
+@given(omega=st.floats(20.0, 600.0), drive=drives, at=parameters, law=laws, duration=st.floats(1e-3, 2.0), way=signs)
+def test_far_from_zero_the_flow_is_that_of_a_slipping_wheel_to_the_last_bit(
+    omega: float, drive: float, at: tuple[float, float, float], law: int, duration: float, way: float
+) -> None:
+    """The one step that most of a wheel's time takes is the first of the steps that lead anywhere else."""
+    curve = FrictionCurve(*at, OMEGA_S, law)
+    end, left, *slopes = slip(omega, way * drive, curve, duration)
+    if left > 0.0:
+        return
+    to_omega, to_push, to_b, to_c, to_s = slopes
+    assert flow(way * omega, drive, curve, duration) == (
+        way * end, to_omega, to_push, way * to_b, way * to_c, way * to_s,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("law", LAW_CODES)
