@@ -161,10 +161,9 @@ def matlab_text(model: PlantModel, name: str) -> str:
     except NotPrintableError as error:
         raise BadInputError(f"{model.name}: cannot be exported as MATLAB: {error}") from None
     table = model.table
-    base, law_code = number(float(model.stribeck.omega_s)), model.stribeck.law
+    base = number(float(model.stribeck.omega_s))
     omega_s = "omega_s = p.stribeck_speed_rad_s;"
     if table.stribeck_at >= 0:
-        law_code = table.stribeck_law
         omega_s = f"omega_s = max(p.{_state(model, table.stribeck_at)}, {_LEAST_SHAPE!r} * p.stribeck_speed_rad_s);"
     columns = [column.start for column in model.columns]
     columns += [0.0] * (MOST_COLUMNS - len(columns))
@@ -185,7 +184,7 @@ def matlab_text(model: PlantModel, name: str) -> str:
         "TEMPERATURE": number(REFERENCE_DEGC),
         "COLUMNS": ", ".join(map(number, columns)),
         "OMEGA_S": omega_s,
-        "LAW": str(law_code),
+        "LAW": str(_law_code(model)),
         "NAME": name,
     }
     text = re.sub(rf"\b({'|'.join(parts)})\b", lambda found: parts[found[1]], _MAIN)
@@ -266,15 +265,22 @@ def _laws(model: PlantModel) -> list[str]:
     return lines
 
 
+def _law_code(model: PlantModel) -> int:
+    """Of the Stribeck curve in force."""
+    return int(model.table.stribeck_law if model.table.stribeck_at >= 0 else model.stribeck.law)
+
+
 def _lag(model: PlantModel, functions: Functions) -> str:
     """Lines that make the current lag."""
     table = model.table
     if table.lag_at < 0:
         return ""
-    called = functions.name_of(CURRENT_EFFECTS[table.lag_code].lagged)
+    called, even = (functions.name_of(one) for one in (CURRENT_EFFECTS[table.lag_code].lagged, flow.goes_evenly))
     shape = ", ".join(number(float(q)) for q in table.lag_shape)
     return f"""    tau = p.{_state(model, table.lag_at)};
-    if tau > 0
+    most_drive = abs(p.motor_gain) * max(abs(current), abs(state.current_A));
+    curve = [p.viscous, p.coulomb, p.static, omega_s, {_law_code(model)}];
+    if tau > 0 && ~{even}(omega, most_drive, curve, left)
         h = min(left, max(0.5 * tau, left / {_LAG_STEPS}));
         if at + h <= at
             h = left;

@@ -20,6 +20,8 @@ _STEP_TIMES_SLOPE = 0.25
 # than 200 steps, and no friction is so negative that a speed grows by more than exp(30) in one.
 _MAX_STEPS = 2_000
 _MAX_GROWTH = 30.0
+_LITTLE_SLOPE = 0.02
+_ROOM = 2.0  # times the acceleration that the base model can have: effects add to it
 
 
 def _far_time(v: float, target: float, net: float, b: float) -> float:
@@ -213,3 +215,18 @@ def flow(
         keep * to_c + sigma * of_c,
         keep * to_s + sigma * of_s,
     )
+
+
+def goes_evenly(omega: float, most_drive: float, curve: FrictionCurve, duration: float) -> bool:
+    """Whether a drive that changes within `duration` [s] leads where its mean does; most_drive [rad/s^2]: its largest.
+
+    It does where the wheel does not come to rest and its acceleration hardly depends on its speed: what such a change
+    moves is then off by half of that slope times the duration, a hundredth.
+    """
+    b, c, s, omega_s, law = curve
+    change = _ROOM * (most_drive + max(abs(c), abs(s)) + abs(b * omega)) * duration
+    slowest = abs(omega) - change
+    slope = abs(b)
+    if slowest < far_limit(law) * omega_s:
+        slope += abs(s - c) / omega_s
+    return slowest > 0.0 and slope * duration < _LITTLE_SLOPE

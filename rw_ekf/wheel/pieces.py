@@ -5,7 +5,7 @@ docs/effects.md eq. 1-6. Scalars and indexed arrays only: plain Python calls it 
 
 from typing import Any, NamedTuple
 
-from rw_ekf.model.flow import flow
+from rw_ekf.model.flow import flow, goes_evenly
 from rw_ekf.model.formula_program import formula_size
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.law import DRAG, FORMULA, Place, law_contribution, law_place, law_value, motion
@@ -248,14 +248,18 @@ def _begin(x: Any, table: EffectTable, slopes: bool, row: Any, end: Any) -> None
             row[j] = row[n + j] = 0.0
 
 
-def _lag(x: Any, table: EffectTable, end: Any, current: float, at: float, left: float) -> tuple[float, float]:
+def _lag(
+    x: Any, table: EffectTable, stribeck: Stribeck, end: Any, omega: float, current: float, at: float, left: float
+) -> tuple[float, float]:
     """(length, mean current) of the next step under a current that lags behind; its state in `end` goes on with it.
 
-    at: time now [s]; left: until the current that is commanded ends [s].
+    at: time now [s]; left: until the current that is commanded ends [s]. One step does where a wheel goes evenly.
     """
     tau = x[table.lag_at]
     h = left
-    if tau > 0.0:
+    most_drive = abs(x[MOTOR_GAIN]) * max(abs(current), abs(end[table.lag_state_at]))
+    curve = FrictionCurve(x[VISCOUS], x[COULOMB], x[STATIC], stribeck.omega_s, stribeck.law)
+    if tau > 0.0 and not goes_evenly(omega, most_drive, curve, left):
         h = min(left, max(0.5 * tau, left / _LAG_STEPS))
         if at + h <= at:  # of a lag of next to nothing: a step that moves no time would be taken for ever
             h = left
@@ -295,7 +299,7 @@ def effect_interval(
             h = left
             current = currents[piece]
             if table.lag_at >= 0:
-                h, current = _lag(x, table, end, current, at, left)
+                h, current = _lag(x, table, stribeck, end, omega, current, at, left)
             moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h, columns)
             terms, drive, curve = driven_by(x, table, stribeck, moment)
             before = omega
