@@ -64,9 +64,9 @@ _NEAR = 0.1  # of the logarithm of a ratio
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 
 
-def needs_guess(table: RawTable) -> bool:
-    """Whether a table lacks, under the log's own names, what a log needs."""
-    names = set(table.names)
+def needs_guess(columns: Sequence[str]) -> bool:
+    """Whether the names of columns lack, under the log's own names, what a log needs."""
+    names = set(columns)
     return not (
         "time_s" in names and names & {"speed_rad_s", "speed_rpm"} and names & {"current_A", "current_command_A"}
     )

@@ -63,7 +63,7 @@ def _in_parts(path: Path, name: str, columns: ColumnMap, carried: Collection[str
             raise UnsoundError(stated())
         yield from parts.tables()
 
-    return InParts(parts.rows, tables)
+    return parts._replace(tables=tables)
 
 
 def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]:

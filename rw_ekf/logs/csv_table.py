@@ -295,7 +295,7 @@ def csv_in_parts(
     head, file = _head_of(text), _file_of(text, layout, must_be_numeric, name_shown)
     size, a_row = text.path.stat().st_size, len(head) / max(head.count(b"\n") - file.first_line + 1, 1)
     block = min(int(_ROWS_AT_ONCE * a_row), _MOST_BLOCK_BYTES)
-    return InParts(int(size / a_row), lambda: _tables(file, name_shown, block, with_others))
+    return InParts(int(size / a_row), file.names, lambda: _tables(file, name_shown, block, with_others))
 
 
 def _tables(file: CsvFile, name_shown: str, block_bytes: int, with_others: bool) -> Iterator[RawTable]:

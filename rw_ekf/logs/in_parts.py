@@ -16,6 +16,7 @@ class InParts(NamedTuple):
     """A file that can be read in parts, one table after the other, as often as it takes."""
 
     rows: int  # about
+    names: tuple[str, ...]  # of its columns
     tables: Callable[
         [], Iterator[RawTable]
     ]  # `place` counts rows from the file's beginning. Raises UnsoundError, LogError

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from rw_ekf.errors import EmptyLogError
+from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.assembly import Assembly, Rows
 from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign_parts import ForeignParts
 from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.parts import parts_of
@@ -45,8 +46,12 @@ class LongLog:
     files: tuple[InParts, ...]
     carried: tuple[str, ...] | None = ()  # columns that a model is a function of; None: all there are
     rows: int = 0  # about, until all parts have been read once
-    warnings: tuple[str, ...] = field(default=(), init=False)  # what was mended in reading, once they have been
+    warnings: tuple[str, ...] = ()  # how a foreign one is read; once it has been read also what was mended
+    _how_read: tuple[str, ...] = field(default=(), init=False)
     _kept: list[LogPart] | None = field(default=None, init=False)  # all of them, where they have been read and are few
+
+    def __post_init__(self) -> None:
+        self._how_read = self.warnings
 
     def __len__(self) -> int:
         return self.rows
@@ -63,22 +68,35 @@ class LongLog:
         kept: list[LogPart] = []
         last: Rows | None = None
         for table in self._tables():
-            log, begin, last = assembly.part(table, last, BEFORE_S)
+            log, begin, last = self._part(assembly, table, last)
             part = LogPart(log, begin, row)
             size += _bytes_of(log)
             again = again and size <= _KEPT_BYTES
             kept = [*kept, part] if again else []
             yield part
             row += len(log) - begin
-        self.rows, self.warnings = row, tuple(assembly.warnings(self.name))
+        self.rows, self.warnings = row, (*self._how_read, *assembly.warnings(self.name))
         self._kept = kept if again else None
+
+    def _part(self, assembly: Assembly, table: RawTable, last: Rows | None) -> tuple[WheelLog, int, Rows]:
+        """A part, with the rows before it in front, and how many these are.
+
+        Of columns that were guessed from the first rows nothing odd is taken: the whole may say what they are by it.
+        """
+        try:
+            log, begin, rows = assembly.part(table, last, BEFORE_S)
+        except LogError as error:
+            if self.columns.guessed:
+                raise UnsoundError(str(error)) from None
+            raise
+        if self.columns.guessed and assembly.tally.skipped:
+            raise UnsoundError(f"{self.name}: its times do not rise from row to row")
+        return log, begin, rows
 
     def _tables(self) -> Iterator[RawTable]:
         for file in self.files:
             for table in file.tables():
                 table.path = self.name
-                if needs_guess(table) and not self.columns.sources:
-                    raise UnsoundError(f"{self.name}: its columns have other names than a log's")
                 yield table
 
 
@@ -89,6 +107,20 @@ def _bytes_of(log: WheelLog) -> int:
 
 def long_log_of(path: Path, columns: ColumnMap, carried: tuple[str, ...] | None = ()) -> LongLog | None:
     """A log that can be read in parts, and is long enough for that; None for any other, whatever it is."""
+    log = _of_map(path, columns, carried)
+    if log is None or columns.sources or not any(needs_guess(file.names) for file in log.files):
+        return log
+    if len(log.files) > 1 or (whole := _of_map(path, columns, None)) is None:
+        return None
+    found = ForeignParts.of(whole.files[0], columns, LONG_ROWS)
+    if found is None or not _row_by_row(found.columns):
+        return None
+    file = found.file._replace(tables=found.tables)
+    return LongLog(log.name, found.columns, (file,), carried, log.rows, found.warnings)
+
+
+def _of_map(path: Path, columns: ColumnMap, carried: tuple[str, ...] | None) -> LongLog | None:
+    """The same, where its columns are as a map has them, or as a log's own names are."""
     if not _row_by_row(columns):
         return None
     parts = parts_of(path)
@@ -114,11 +146,11 @@ def _size_of(files: tuple[Path, ...]) -> int:
 
 def _row_by_row(columns: ColumnMap) -> bool:
     """Whether a map says of each row what it is, whatever the others are."""
-    plain = ColumnMap(columns.path, columns.sources, columns.csv, repeats=columns.repeats, dbc=columns.dbc)
-    sources = columns.sources.items()
+    path, sources, csv = columns.path, columns.sources, columns.csv
+    plain = ColumnMap(path, sources, csv, repeats=columns.repeats, dbc=columns.dbc, guessed=columns.guessed)
     return (
         columns == plain
         and columns.repeats != "spread"
-        and all(source.kind != "derivative" and source.sign_of is None for _, source in sources)
-        and not any(source.wrap for name, source in sources if name == "time_s")
+        and all(source.kind != "derivative" and source.sign_of is None for source in sources.values())
+        and not any(source.wrap for name, source in sources.items() if name == "time_s")
     )

@@ -85,7 +85,8 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
 
     try:
         with path.open("rb") as stream:
-            return InParts(int(opened(stream).metadata.num_rows), tables)
+            file = opened(stream)
+            return InParts(int(file.metadata.num_rows), tuple(file.schema_arrow.names), tables)
     except (pa.ArrowException, OSError, ValueError):
         return None
 

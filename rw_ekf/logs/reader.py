@@ -121,7 +121,7 @@ def map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
 def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
     if column_map.wheel is not None and not table.one_wheel:
         table = rows_of_wheel(table, column_map.wheel)
-    if not column_map.sources and column_map.rate_hz is None and needs_guess(table):
+    if not column_map.sources and column_map.rate_hz is None and needs_guess(table.names):
         try:
             column_map = guessed_map(table, column_map)
         except UncertainColumnsError as requested:
@@ -295,7 +295,10 @@ def _read_part(file: Path, columns: ColumnMap) -> RawTable:
 def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     name = str(path)
     table = format_of(path, name).read(path, name, columns)
-    if not needs_guess(table):
-        return table
+    return table if not needs_guess(table.names) else in_rows(table)
+
+
+def in_rows(table: RawTable) -> RawTable:
+    """A foreign table with a row for each time, and each time in one column: itself where it is so already."""
     table = with_clock_columns(without_empty_rows(named_between(table) or table))
     return with_whole_time(widened(table) or beside_each_other(table) or in_turn(table) or table)

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs import csv_table, long_log, parquet_table
 from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.in_parts import UnsoundError
 from rw_ekf.logs.long_log import LongLog, long_log_of
 from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.raw_table import RawTable
@@ -163,6 +165,79 @@ def test_what_has_to_be_seen_as_a_whole_is(tmp_path: Path, columns: ColumnMap) -
     path = tmp_path / "log.csv"
     write_table(path, columns_of(5))
     assert long_log_of(path, columns) is None
+
+
+def foreign() -> dict[str, Float64Array]:
+    """A table of somebody else's names, that says of each column what it is."""
+    at = np.arange(ROWS)
+    rng = np.random.default_rng(4)
+    return {
+        "t_ms": 100.0 * at,
+        "wheel_speed [rpm]": 200.0 * np.sin(0.01 * at) + rng.normal(0.0, 1.0, ROWS),
+        "motor current [mA]": 100.0 * np.cos(0.01 * at),
+        "bus [V]": rng.normal(28.0, 0.1, ROWS),
+    }
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_foreign_table_is_read_in_parts_as_it_is_as_a_whole(tmp_path: Path, suffix: str) -> None:
+    """What its columns are is told from its first rows, and said by the same sentence."""
+    path = tmp_path / f"lab{suffix}"
+    write_table(path, foreign())
+    log, whole = long_log_of(path, ColumnMap()), read_log(path)
+    assert log is not None
+    assert_same(put_together(log), whole)
+    assert log.warnings == whole.warnings
+    assert "current_A = motor current" in log.warnings[0].replace("'", "")
+
+
+def changed(name: str) -> dict[str, Float64Array]:
+    """The same with what it says of its columns other behind row 2,000."""
+    columns = foreign()
+    late = slice(2000, None)
+    if name == "its clock begins anew":
+        columns["t_ms"][late] -= 200_000.0
+    elif name == "a second current":
+        columns["current setpoint [A]"] = 0.001 * columns["motor current [mA]"]
+        columns["current setpoint [A]"][:2000] = np.nan
+    elif name == "rows without a time":
+        columns["t_ms"][2500] = np.nan
+    elif name == "its clock is two":
+        columns["time_s"] = 0.1 * np.arange(ROWS)
+        columns["time_s"][late] += 400.0
+    return columns
+
+
+@pytest.mark.parametrize(
+    "name", ["its clock begins anew", "rows without a time", "its clock is two", "a second current"]
+)
+def test_a_foreign_table_whose_later_rows_say_otherwise_is_read_as_a_whole(tmp_path: Path, name: str) -> None:
+    """No row is read by what the first rows said where the whole says, or asks, something else."""
+    path = tmp_path / "lab.csv"
+    write_table(path, changed(name))
+    try:
+        whole: WheelLog | str = read_log(path)
+    except LogError as error:
+        whole = str(error)
+    log = long_log_of(path, ColumnMap())
+    try:
+        parts = None if log is None else put_together(log)
+    except UnsoundError:
+        parts = None
+    if parts is not None:
+        assert isinstance(whole, WheelLog)
+        assert_same(parts, whole)
+
+
+@pytest.mark.parametrize("unit", ["", " [dps]"])
+def test_a_foreign_table_that_asks_a_question_makes_no_parts(tmp_path: Path, unit: str) -> None:
+    """A speed in no unit: somebody has to say which, before a row is read."""
+    path = tmp_path / "lab.csv"
+    columns = foreign()
+    columns[f"speed{unit}"] = columns.pop("wheel_speed [rpm]")
+    write_table(path, columns)
+    log = long_log_of(path, ColumnMap())
+    assert (log is None) == (unit == "")
 
 
 def test_a_short_log_is_held(tmp_path: Path) -> None:
