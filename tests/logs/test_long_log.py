@@ -198,7 +198,7 @@ def changed(name: str) -> dict[str, Float64Array]:
     if name == "its clock begins anew":
         columns["t_ms"][late] -= 200_000.0
     elif name == "a second current":
-        columns["current setpoint [A]"] = 0.001 * columns["motor current [mA]"]
+        columns["current setpoint [A]"] = columns["motor current [mA]"].copy()
         columns["current setpoint [A]"][:2000] = np.nan
     elif name == "rows without a time":
         columns["t_ms"][2500] = np.nan
