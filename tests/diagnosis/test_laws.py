@@ -60,7 +60,7 @@ def test_a_law_without_a_formula_is_found_and_predicts_the_next_log(name: str, q
     assert (found["quantity"]["value"], found["kind"]["value"]) == (quantity, kind)
     assert len(found["knots"]["value"]) == len(found["values"]["value"]) == len(found["std"]["value"])
     reported = judged(Nameless(name, 11), diagnosis)
-    assert reported.after_rpm < 1.2 * reported.noise_rpm < 0.9 * reported.before_rpm
+    assert reported.after.readings_rpm < 1.2 * reported.noise_rpm < 0.9 * reported.before.readings_rpm
     assert reported.covered is not None
     assert reported.covered > 0.8
 
@@ -72,7 +72,7 @@ def test_a_bridge_of_two_halves_is_a_torque_by_the_size_of_the_current() -> None
     assert diagnosis.verdict["effects"] == ["learned_law"], diagnosis.verdict["statement"]
     reported = judged(case, diagnosis)
     assert reported.what == "torque over current_size"
-    assert reported.after_rpm < 1.2 * reported.noise_rpm < 0.2 * reported.before_rpm
+    assert reported.after.readings_rpm < 1.2 * reported.noise_rpm < 0.2 * reported.before.readings_rpm
 
 
 def test_something_that_begins_is_told_with_its_time_and_holds_in_the_next_log() -> None:

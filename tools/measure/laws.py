@@ -42,6 +42,13 @@ _MET = {
 }  # fmt: skip
 
 
+class FreeRun(NamedTuple):
+    """What a free run misses, root mean squares."""
+
+    readings_rpm: float
+    truth_rpm: float
+
+
 class Measured(NamedTuple):
     """What one wheel gave."""
 
@@ -50,21 +57,22 @@ class Measured(NamedTuple):
     kind: str
     effects: list[str]
     what: str
-    before_rpm: float  # free run over the next log, base model
-    after_rpm: float  # with the model that was found; the base model where none was
+    before: FreeRun  # over the next log, base model
+    after: FreeRun  # with the model that was found; the base model where none was
     noise_rpm: float
     covered: float | None  # share of knots whose band holds the truth
 
 
-def free_run_rpm(course: Course, truth: Float64Array, parameters: FrictionParameters, effects: EffectSet,
-                 stribeck: Stribeck) -> float:  # fmt: skip
-    """Root mean square [rpm] by which readings are missed, from the true speed at the begin of every block."""
+def free_run_over(course: Course, truth: Float64Array, parameters: FrictionParameters, effects: EffectSet,
+                  stribeck: Stribeck) -> FreeRun:  # fmt: skip
+    """What is missed of readings and of the truth, from the true speed at the begin of every block."""
     first = np.arange(0, course.samples - 1, round(_BLOCK_S / course.period_s))
     last = np.append(first[1:] - 1, course.samples - 1)
     start = np.tile(state_vector(np.array([*parameters, *effects.values]), effects), (first.size, 1))
     start[:, 0] = truth[first]
     path = free_run(course, effects, stribeck, start, first, last, keep_path=True).path_rad_s
-    return float(np.sqrt(np.nanmean((path - course.speed_rad_s) ** 2))) / RAD_S_PER_RPM
+    missed = (path - known for known in (course.speed_rad_s, truth))
+    return FreeRun(*(float(np.sqrt(np.nanmean(each**2))) / RAD_S_PER_RPM for each in missed))
 
 
 def covered_share(term: Term, motor_gain: float, case: Nameless, log: WheelLog) -> float | None:
@@ -117,12 +125,12 @@ def judged(case: Nameless, diagnosis: Diagnosis) -> Measured:
     noise = float(np.sqrt(np.mean((following.speed_rad_s - truth) ** 2))) / RAD_S_PER_RPM
     model = diagnosis.model
     course = with_conditions(Course.of_log(following))
-    before = free_run_rpm(course, truth, base, NO_EFFECTS, usual)
+    before = free_run_over(course, truth, base, NO_EFFECTS, usual)
     after, covered, what = before, None, ""
     if model is not None:
         course = with_conditions(Course.of_log(following, model.effects.columns))
         there = with_times_of_record(course, setup_of_record(course, None, model))
-        after = free_run_rpm(course, truth, model.parameters, there.effects, there.constants.stribeck)
+        after = free_run_over(course, truth, model.parameters, there.effects, there.constants.stribeck)
         laws = [term for term in model.effects.terms if term.law is not None]
         what = ", ".join(f"{term.law.acts_as} over {term.law.name}" for term in laws if term.law is not None)
         shares = [covered_share(term, model.parameters.motor_gain, case, log) for term in laws]
@@ -146,16 +154,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for item in pool.map(measured, cases):
             found.append(item)
             band = "" if item.covered is None else f" band {item.covered:.2f}"
-            figures = f"{item.before_rpm:6.2f} -> {item.after_rpm:5.2f} rpm (noise {item.noise_rpm:.2f})"
+            readings = f"{item.before.readings_rpm:6.2f} -> {item.after.readings_rpm:5.2f}"
+            of_truth = f"{item.before.truth_rpm:6.2f} -> {item.after.truth_rpm:5.2f}"
+            figures = f"{readings} rpm (noise {item.noise_rpm:.2f}), of the truth {of_truth}"
             reported = f"{item.name:20} {item.seed:4d} {item.kind:11} {'+'.join(item.effects):28} {item.what:34}"
             print(f"{reported} next log: {figures}{band}", flush=True)
     families = [item for item in found if item.name in FAMILIES]
     laws = [item for item in found if item.name in LAWS]
     if families:
-        won = sum(item.after_rpm <= 0.35 * item.before_rpm for item in families)
-        print(f"free run <= .35 of the base model's: {won} of {len(families)} (families)")
+        for what in FreeRun._fields:
+            won = sum(getattr(item.after, what) <= 0.35 * getattr(item.before, what) for item in families)
+            print(
+                f"free run <= .35 of the base model's: {won} of {len(families)} (families, {what.removesuffix('_rpm')})"
+            )
     if laws:
-        near = sum(item.after_rpm <= 1.15 * item.noise_rpm for item in laws)
+        near = sum(item.after.readings_rpm <= 1.15 * item.noise_rpm for item in laws)
         print(f"free run <= 1.15 of the noise: {near} of {len(laws)} (laws)")
     bands = [item.covered for item in found if item.covered is not None]
     if bands:
