@@ -69,6 +69,17 @@ def test_rows_stand_in_the_order_of_their_evidence_each_once() -> None:
     assert set(ledger.rows[0].effects) == {"quadratic_drag", "offset_torque"}
 
 
+def test_a_fit_that_stopped_short_has_the_evidence_of_where_it_is() -> None:
+    """And not of where its slope leads: a delay at the edge of an interval was likeliest by a step that none could take."""
+    fit = with_effects("quadratic_drag", "offset_torque")
+    moved = fit.model.vector + np.eye(fit.std.size)[0] * 8.0 * fit.std
+    short = at_given_numbers(fit, fit.model.with_vector(moved), fit.likelihood.covariance)
+    lost = fit.likelihood.value - short.likelihood.value
+    assert lost > 20.0
+    evidence = [log_evidence(one, ("quadratic_drag", "offset_torque"), record().facts) for one in (fit, short)]
+    assert evidence[0] - evidence[1] == pytest.approx(lost, rel=0.1)
+
+
 def test_of_two_rows_that_hold_the_same_the_likelier_stays() -> None:
     """Whatever the order in which they come."""
     one = with_effects("quadratic_drag")
