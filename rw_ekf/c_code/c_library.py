@@ -27,9 +27,7 @@ FOLDER_VARIABLE = "RW_EKF_CACHE_DIR"
 # IEEE arithmetic as Python has it: nothing is fused or reordered, no power becomes a product; what `math` raises is NaN
 # or infinite here. The first takes back what the command itself may have asked for.
 _ARITHMETIC = ("-fno-fast-math", "-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math")
-# Two neighbouring sums put into one register and taken apart again, as a covariance of five has many: slower.
-_ALONE = "-fno-tree-slp-vectorize"
-FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-w", _ALONE, *_ARITHMETIC)
+FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-w", *_ARITHMETIC)
 _COMPILERS = ("cc", "gcc", "clang")
 Native = Callable[[bytes, object], object]
 _SEAL_BYTES = hashlib.sha256().digest_size

@@ -26,6 +26,7 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.by_simulation import at_given_numbers
 from rw_ekf.likelihood.fitting import Fit, _sigmas
 from rw_ekf.model.effect import Candidate, Term
 from tests.diagnosis.simulated import log_of, simulated
@@ -70,7 +71,7 @@ def test_rows_stand_in_the_order_of_their_evidence_each_once() -> None:
 
 
 def test_a_fit_that_stopped_short_has_the_evidence_of_where_it_is() -> None:
-    """And not of where its slope leads: a delay at the edge of an interval was likeliest by a step that none could take."""
+    """And not of where its slope leads: a delay at the edge of an interval was likeliest by a step out of reach."""
     fit = with_effects("quadratic_drag", "offset_torque")
     moved = fit.model.vector + np.eye(fit.std.size)[0] * 8.0 * fit.std
     short = at_given_numbers(fit, fit.model.with_vector(moved), fit.likelihood.covariance)
