@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.model_vector import prior_rows
-from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, Rows, at_ratio
+from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, at_ratio
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 from rw_ekf.model.effect_kinds import LawEffect
 from rw_ekf.model.law import Law
@@ -85,17 +84,11 @@ def _integrated(linearised: Linearisation, fit: Fit) -> tuple[float, Float64Arra
     weights /= weights.sum()
     mean = np.einsum("i,ij->j", weights, np.array([item.correction for item in points]))
     covariance = np.einsum("i,ijk->jk", weights, np.array([item.covariance for item in points]))
-    return total - _promised(linearised, known, fit), mean, covariance
-
-
-def _promised(linearised: Linearisation, known: Rows | None, fit: Fit) -> float:
-    """What a last correction would gain of log-likelihood, were it not out of reach.
-
-    Nothing of a fit that has converged. One that ends at a bound, or at a kink whose two sides slope differently (a
-    delay at the edge of an interval), has the likelihood that it has, and not that which its slope promises.
-    """
-    at_best = partial(at_ratio, linearised, known, fit.noise.variance, fit.noise.ratio)
-    return max(at_best().value - at_best(corrected=False).value, 0.0)
+    # What the likelihood would gain by a last correction, were it not out of reach. Of a fit that has converged that is
+    # nothing; one that ends at a bound, or at a kink whose two sides slope differently (a delay at the edge of an
+    # interval), has the likelihood that it has, and not that which its slope promises.
+    promised = max(points[int(np.argmax(logs))].value - fit.likelihood.value, 0.0)
+    return total - promised, mean, covariance
 
 
 def log_law_prior(law: Law) -> float:
