@@ -153,6 +153,7 @@ def _with_laws(
         if fit.knows(term.id, LEAST_SIGMAS):
             named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
             rows += [fit, *(search.without(fit, name) for name in named)]
+        rows = [other for other in rows if other.model.possible(term.id, ledger.facts)]  # none is grown from another
         if not rows:
             continue
         trial, known = Trial.of_law(term, row.fit, fit), selection.trials.get(term.id)
