@@ -57,6 +57,13 @@ def test_long_tails_are_told_and_are_nothing_else(seed: int) -> None:
     assert diagnose_log(Nameless("heavy tails", seed).log()).document()["verdict"]["kind"] == "adequate"
 
 
+def test_impulses_none_of_which_stands_out_alone_are_a_row_that_can_be_told() -> None:
+    """One knock of an encoder off its centre is too small to be known, several at once are not: a KeyError."""
+    document = diagnose_log(Nameless("eccentric encoder", 64).log()).document()
+    assert document["verdict"]["posterior"]["something_else"] > 0.5
+    assert {candidate["effect"] for candidate in document["candidates"]} >= set(document["verdict"]["effects"])
+
+
 def test_a_torque_that_comes_and_goes_is_more_than_a_wheel_s_noise() -> None:
     """On and off at random by 6 % of Coulomb friction: its mean is named, the rest is said to be there."""
     document = diagnose_log(Nameless("switched torque", 41).log()).document()

@@ -34,7 +34,7 @@ from rw_ekf.effects.catalogue import CATALOGUE, CHANGE, LEARNED, SPELL
 from rw_ekf.likelihood import work_budget
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
-from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.effect_kinds import LawEffect
 
 Laws = Callable[[Fit], list[Nameless]]
@@ -97,6 +97,7 @@ def grown_with_laws(search: Search, ledger: Ledger, selection: Selection, laws: 
             ledger, selection = _with_laws(search, row, ledger, selection, laws)
             if any(law.is_impulse for law in laws(row.fit)[:1]) and (more := impulses_together(row.fit, ledger.facts)):
                 ledger = ledger.with_rows([more])
+                selection = _with_trial(selection, more.model.of(SPELL.id)[-1], row.fit, more)
         if any(term.law is not None for term in terms):
             ledger, selection = _grown_from(search, row, ledger, selection)
     return _in_place_of_laws(search, ledger, selection, laws, done)
@@ -156,11 +157,15 @@ def _with_laws(
         rows = [other for other in rows if other.model.possible(term.id, ledger.facts)]  # none is grown from another
         if not rows:
             continue
-        trial, known = Trial.of_law(term, row.fit, fit), selection.trials.get(term.id)
-        if known is None or known.statistic < trial.statistic:
-            selection = selection.tried(trial)
+        selection = _with_trial(selection, term, row.fit, fit)
         ledger = ledger.with_rows(rows)
     return ledger, selection
+
+
+def _with_trial(selection: Selection, law: Term, less: Fit, fit: Fit) -> Selection:
+    """With what became of a law that was fitted beside a model, where none of its kind has gained as much."""
+    trial, known = Trial.of_law(law, less, fit), selection.trials.get(law.id)
+    return selection.tried(trial) if known is None or known.statistic < trial.statistic else selection
 
 
 def _exchanged(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
