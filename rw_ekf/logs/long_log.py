@@ -46,12 +46,9 @@ class LongLog:
     files: tuple[InParts, ...]
     carried: tuple[str, ...] | None = ()  # columns that a model is a function of; None: all there are
     rows: int = 0  # about, until all parts have been read once
-    warnings: tuple[str, ...] = ()  # how a foreign one is read; once it has been read also what was mended
-    _how_read: tuple[str, ...] = field(default=(), init=False)
+    how_read: tuple[str, ...] = ()  # sentences on a foreign one
+    warnings: tuple[str, ...] = field(default=(), init=False)  # these, and what was mended, once it has been read
     _kept: list[LogPart] | None = field(default=None, init=False)  # all of them, where they have been read and are few
-
-    def __post_init__(self) -> None:
-        self._how_read = self.warnings
 
     def __len__(self) -> int:
         return self.rows
@@ -75,7 +72,7 @@ class LongLog:
             kept = [*kept, part] if again else []
             yield part
             row += len(log) - begin
-        self.rows, self.warnings = row, (*self._how_read, *assembly.warnings(self.name))
+        self.rows, self.warnings = row, (*self.how_read, *assembly.warnings(self.name))
         self._kept = kept if again else None
 
     def _part(self, assembly: Assembly, table: RawTable, last: Rows | None) -> tuple[WheelLog, int, Rows]:

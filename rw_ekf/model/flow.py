@@ -20,6 +20,8 @@ _STEP_TIMES_SLOPE = 0.25
 # than 200 steps, and no friction is so negative that a speed grows by more than exp(30) in one.
 _MAX_STEPS = 2_000
 _MAX_GROWTH = 30.0
+# Half of it is the share of what a change of the drive moves that its mean may lose: a hundredth, against an adaptive
+# integrator (tests/wheel/test_short_lag.py), and in proportion.
 _LITTLE_SLOPE = 0.02
 _ROOM = 2.0  # times the acceleration that the base model can have: effects add to it
 
@@ -31,6 +33,11 @@ def _far_time(v: float, target: float, net: float, b: float) -> float:
         return math.inf
     z = b * (target - v) / rate
     return (target - v) / rate * (math.log1p(z) / z if abs(z) > 1.0e-12 else 1.0)
+
+
+def _far_speed(v: float, net: float, b: float, h: float) -> float:
+    """The speed h [s] after v, where dv/dt = net - b v  (eq. 9)."""
+    return v + (net - b * v) * h * phi_1(b * h)
 
 
 def _far_slopes(v: float, net: float, b: float, h: float) -> tuple[float, float, float]:
@@ -112,7 +119,7 @@ def slip(
         if v > far:
             net = push - c
             h = left
-            end = v + (net - b * v) * h * phi_1(b * h)
+            end = _far_speed(v, net, b, h)
             if end < far:
                 h = min(max(_far_time(v, far, net, b), 0.0), left)
                 end = far
@@ -185,7 +192,7 @@ def flow(
     if abs(omega) > far and curve.b * duration >= -_MAX_GROWTH:  # mostly: `slip` says the same, in twice the time
         sigma = math.copysign(1.0, omega)
         v, net = abs(omega), sigma * drive - curve.c
-        end = v + (net - curve.b * v) * duration * phi_1(curve.b * duration)
+        end = _far_speed(v, net, curve.b, duration)
         if end > far:
             to_omega, to_drive, to_b = _far_slopes(v, net, curve.b, duration)
             return sigma * end, to_omega, to_drive, sigma * to_b, -sigma * to_drive, 0.0

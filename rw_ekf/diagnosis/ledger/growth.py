@@ -154,7 +154,7 @@ def _with_laws(
         if fit.knows(term.id, LEAST_SIGMAS):
             named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
             rows += [fit, *(search.without(fit, name) for name in named)]
-        rows = [other for other in rows if other.model.possible(term.id, ledger.facts)]  # none is grown from another
+        rows = [one for one in rows if one.model.possible(term.id, ledger.facts)]  # from any other nothing is to grow
         if not rows:
             continue
         selection = _with_trial(selection, term, row.fit, fit)
