@@ -17,6 +17,7 @@ from rw_ekf.arrays import Float64Array, scaled_root
 from rw_ekf.fleet.between_logs import Starting
 from rw_ekf.fleet.log_days import DayOfLog
 from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.native_file import native_file
 from rw_ekf.model.state import PARAMETER_NAMES
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def read_carry(path: Path) -> str:
     """What the log of a result leaves to the next. Raises OSError or ArrowException where it is not to be read."""
     from pyarrow import parquet
 
-    with path.open("rb") as stream:
+    with native_file(path) as stream:
         metadata = parquet.ParquetFile(stream).schema_arrow.metadata or {}
     return metadata[CARRY_KEY].decode() if CARRY_KEY in metadata else ""
 
@@ -110,7 +111,7 @@ def read_status(path: Path) -> tuple[int, str]:
     """Rows of the log whose result stands there, and its status."""
     from pyarrow import parquet
 
-    with path.open("rb") as stream:
+    with native_file(path) as stream:
         file = parquet.ParquetFile(stream)
         rows = int((file.schema_arrow.metadata or {}).get(ROWS_KEY, b"0"))
         stated = file.read(columns=["status"]).column("status").to_pylist()

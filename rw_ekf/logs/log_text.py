@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.native_file import native_file, native_text
 from rw_ekf.logs.part_compression import seal_of
 
 if TYPE_CHECKING:
@@ -54,13 +55,9 @@ class LogText:
         """Open the text from its beginning."""
         return self.path.open("rb") if self.unpacked is None else io.BytesIO(self.unpacked)
 
-    def for_arrow(self) -> BinaryIO | pa.BufferReader:
-        """Open the text for pyarrow's reader: by a path it would find another file where names are not UTF-8."""
-        if self.unpacked is None:
-            return self.open()
-        import pyarrow as pa
-
-        return pa.BufferReader(self.unpacked)
+    def for_arrow(self) -> pa.NativeFile:
+        """Open the text for Arrow's readers."""
+        return native_file(self.path) if self.unpacked is None else native_text(self.unpacked)
 
 
 def check_head(head: bytes, name: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
@@ -12,6 +12,7 @@ from rw_ekf.logs.in_parts import InParts, UnsoundError
 from rw_ekf.logs.labels import unit_and_remark
 from rw_ekf.logs.log_columns import READABLE_COLUMNS
 from rw_ekf.logs.log_format import LogFormat, noting_suffix
+from rw_ekf.logs.native_file import native_file
 from rw_ekf.logs.raw_table import RawTable
 
 _ROWS_AT_ONCE = 1 << 15  # their columns and what a filter leaves of them fit into the processor's cache
@@ -25,7 +26,7 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
 
     try:
         # Opened by hand: a path would be searched for partitions (`key=value` directories) and gain columns.
-        with path.open("rb") as stream:
+        with native_file(path) as stream:
             table = parquet.ParquetFile(stream, page_checksum_verification=True).read()
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -61,13 +62,13 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
     import pyarrow as pa
     from pyarrow import parquet
 
-    def opened(stream: BinaryIO) -> Any:
+    def opened(stream: pa.NativeFile) -> Any:
         return parquet.ParquetFile(stream, page_checksum_verification=True, buffer_size=_BUFFER_BYTES, pre_buffer=False)
 
     def tables() -> Iterator[RawTable]:
         first = 0
         try:
-            with path.open("rb") as stream:
+            with native_file(path) as stream:
                 file = opened(stream)
                 names = [
                     field.name
@@ -84,7 +85,7 @@ def parquet_in_parts(path: Path, name: str, columns: ColumnMap, carried: Collect
             raise UnsoundError(str(error)) from None
 
     try:
-        with path.open("rb") as stream:
+        with native_file(path) as stream:
             file = opened(stream)
             return InParts(int(file.metadata.num_rows), tuple(file.schema_arrow.names), tables)
     except (pa.ArrowException, OSError, ValueError):
