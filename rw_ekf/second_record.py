@@ -35,10 +35,12 @@ from rw_ekf.wheel.effect_table import EffectSet
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last
 _OPEN = 3.0  # log-likelihood, by which a law is less likely than another and yet may be it
-_MOVED = 3.0  # sigmas by which a constant is another than the model's, to be told
+MOVED = 3.0  # sigmas by which a number is another than the model's, to be told
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
-_DISAGREE_P = 1.0e-5
-_FREE = 100.0  # times the model's variances, to ask the log itself
+DISAGREE_P = 1.0e-5
+# What a log is asked with by itself: ten of the model's sigmas, and the whole of each number. A wheel whose friction is
+# another by a tenth is a thousand sigmas off; a filter that may look no further than ten of them is lost there.
+_FREE_SIGMAS, _FREE_SHARE = 10.0, 1.0
 _NOISIER = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # times the model's torque noise
 _AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
 _SHORT = 1.0e-3  # of a reach: a step that is no step
@@ -225,14 +227,14 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     if len(ways) == 1:
         return setup
     known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
-    steady = _widened(replace(setup, constants=without_drift(setup.constants)), known, _FREE)
+    steady = _freed(replace(setup, constants=without_drift(setup.constants)))
     values = [
         log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate) for effects in ways
     ]
     open_ones = tuple(way for way, value in zip(ways, values, strict=True) if value > max(values) - _OPEN)
     likeliest = ways[int(np.argmax(values))]
     if likeliest is not setup.effects:
-        setup = _widened(setup, known, _FREE)
+        setup = _widened(setup, known, _FREE_SIGMAS**2)
     return replace(setup, effects=likeliest, effect_hypotheses=open_ones if len(open_ones) > 1 else ())
 
 
@@ -280,7 +282,7 @@ def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
         f"{setup.effects.terms[i].id}: this log has {setup.effects.terms[i].effect.constants[c].name} "
         f"{plus_minus(float(best[j]), float(std[j]))}, the model {given[j]:.5g}; its own is used here"
         for j, (i, c) in enumerate(places)
-        if abs(best[j] - given[j]) > _MOVED * std[j]
+        if abs(best[j] - given[j]) > MOVED * std[j]
     ]
     return replace(
         setup,
@@ -296,9 +298,8 @@ def with_noise_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     A drag that begins in this log, or has gone by now, is a torque that the model does not have. A filter that knows of
     none refuses the readings instead, is reset, and is lost again.
     """
-    known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
     constants = without_drift(setup.constants)._replace(dry_walk=setup.constants.dry_walk)
-    steady = _widened(replace(setup, constants=constants), known, _FREE)
+    steady = _freed(replace(setup, constants=constants))
     first = filtered(course, steady)
     if not was_reset(first):
         return setup
@@ -326,16 +327,16 @@ def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     steady = replace(setup, constants=without_drift(setup.constants))
     count = setup.effects.size
     known = slice(PARAMETERS.start, PARAMETERS.stop + count)
-    free = filtered(course, _widened(steady, known, _FREE))
+    free = filtered(course, _freed(steady))
     if was_reset(free):
-        return setup
+        return _left_to_itself(course, setup, steady)
     off = free.mean[known] - setup.prior.mean[known]
     apart = free.covariance[known, known] + setup.prior.covariance[known, known]
     size = np.sqrt(np.diag(apart))
     if not np.all(size > 0.0):
         return setup
     d2 = float((off / size) @ np.linalg.lstsq(apart / np.outer(size, size), off / size, rcond=None)[0])
-    if not chi_square_tail(d2, off.size) < _DISAGREE_P:
+    if not chi_square_tail(d2, off.size) < DISAGREE_P:
         return setup
     names = [*PARAMETER_NAMES, *setup.effects.state_names]
     worst = int(np.argmax(np.abs(off) / size))
@@ -349,6 +350,26 @@ def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
         "`rw-ekf diagnose LOG --model F` asks what changed"
     )
     return replace(_widened(setup, known, d2 / off.size), notes=(*setup.notes, note))
+
+
+def _left_to_itself(course: Course, setup: FilterSetup, steady: FilterSetup) -> FilterSetup:
+    """The setup for a log in which a filter loses the wheel whatever it may look for: the model's, if that holds."""
+    if not was_reset(filtered(course, steady)):
+        return setup
+    note = (
+        "the wheel does in this log what the model given does not know, and a filter loses it: the numbers here are "
+        "the log's own, the model's count for nothing; `rw-ekf diagnose LOG --model F` asks what it is"
+    )
+    return replace(_freed(setup), notes=(*setup.notes, note))
+
+
+def _freed(setup: FilterSetup) -> FilterSetup:
+    """The setup with an a priori that leaves a log its own numbers, begun where the model's are."""
+    known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
+    wide = _widened(setup, known, _FREE_SIGMAS**2)
+    covariance = wide.prior.covariance
+    covariance[known, known] += np.diag((_FREE_SHARE * setup.prior.mean[known]) ** 2)
+    return replace(wide, prior=Belief(setup.prior.mean, covariance, setup.prior.effect_ids))
 
 
 def _widened(setup: FilterSetup, known: slice, times: float) -> FilterSetup:

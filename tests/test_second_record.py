@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import rw_ekf
 from rw_ekf.cli import main
 from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
@@ -29,6 +30,7 @@ from tools.proof.cases import Case
 from tools.proof.plants import log_of, save_log
 
 WHEEL = PlantParameters()
+PARAMETERS_OF_PLANT = ("motor_gain", "viscous", "coulomb", "static")
 ONSET_S, DECAY_S, AMPLITUDE = 280.0, 60.0, 0.09
 
 
@@ -78,6 +80,49 @@ def test_a_model_that_the_log_contradicts_is_said_to_and_counts_for_less() -> No
     assert abs(wrong.belief.parameters.motor_gain - WHEEL.motor_gain) < 0.02
     unknown = replace(model(ONSET_S), effects=EffectSet(()), covariance=tuple(r[:4] for r in model(0.0).covariance[:4]))
     assert replay_log(record(3), model=unknown).setup.effect_hypotheses == ()
+
+
+CHANGES = {
+    "coulomb +2 %": {"coulomb": 1.02}, "coulomb +8 %": {"coulomb": 1.08}, "coulomb -10 %": {"coulomb": 0.9},
+    "coulomb +30 %": {"coulomb": 1.3}, "viscous +20 %": {"viscous": 1.2}, "viscous -50 %": {"viscous": 0.5},
+    "gain +3 %": {"motor_gain": 1.03}, "all": {"motor_gain": 1.3, "viscous": 0.3, "coulomb": 0.7},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_wheel_that_has_changed_since_its_model_has_its_own_numbers(change: str) -> None:
+    """By hundredths, what a temperature does, or wholly: a replay and a fit find them, and say what is another."""
+    times = CHANGES[change]
+    now = WHEEL._replace(**{name: times.get(name, 1.0) * getattr(WHEEL, name) for name in PARAMETERS_OF_PLANT})
+    now = now._replace(static=now.coulomb + WHEEL.static - WHEEL.coulomb)
+    before = rw_ekf.fit(_healthy(WHEEL, 1), noise=True).model
+    log = _healthy(now, 2)
+    run, fit = replay_log(log, model=before), rw_ekf.fit(log, prior=before)
+    changed = max(times, key=lambda name: abs(math.log(times[name])))
+    for belief, warnings in ((run.belief, run.warnings), (fit.belief, fit.warnings)):
+        off = np.array(belief.parameters) - [now.motor_gain, now.viscous, now.coulomb, now.static]
+        assert np.all(np.abs(off) < 4.0 * np.array(belief.parameter_std))
+        (warning,) = (text for text in warnings if "contradict" in text)
+        if len(times) == 1:
+            assert f"({changed} " in warning
+
+
+def test_a_diagnosis_says_what_has_changed_since_the_model_was_made() -> None:
+    """Its advice is what a replay of a changed wheel says to ask: the answer names the number, and accuses no other."""
+    before = rw_ekf.fit(_healthy(WHEEL, 1), noise=True).model
+    changed = WHEEL._replace(coulomb=1.08 * WHEEL.coulomb, static=WHEEL.static + 0.08 * WHEEL.coulomb)
+    same, other = (diagnose_log(_healthy(wheel, 2), model=before).document()["verdict"] for wheel in (WHEEL, changed))
+    assert (same["kind"], other["kind"]) == ("adequate", "adequate")
+    assert "has changed" not in same["statement"]
+    said = other["statement"].partition(". ")[0]
+    assert "has changed since the model given was made, or is another: coulomb 0.63" in said
+    assert "motor_gain" not in said
+    assert "viscous" not in said
+
+
+def _healthy(wheel: PlantParameters, seed: int) -> WheelLog:
+    case = Case("healthy", "", "effects", (), (), wheel, "identification", 7, seed, 1.0, telemetry=False)
+    return log_of(case)
 
 
 @pytest.mark.slow

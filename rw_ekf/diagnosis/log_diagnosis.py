@@ -25,6 +25,7 @@ from rw_ekf.diagnosis.prepare.split import split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA
+from rw_ekf.diagnosis.verdict.since_model import sentence_since_model
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.effects.catalogue import with_own
 from rw_ekf.identify.misread import misreadings_and_questions
@@ -91,6 +92,8 @@ def _diagnosed(
         found = _investigated(prepare(source, configuration, aside, split), advance)
     assert found is not None
     found = _with_sentence_first(found, stated_of_sampled_loop(found) or sentence_about_late_rows(found))
+    if model is not None:
+        found = _with_sentence_first(found, sentence_since_model(found, model))
     advance("judging on the held-out part")
     reported = conclude(found, advance)
     if len(logs) > 1 or logs[0].whole is None:

@@ -111,9 +111,24 @@ def has_learned(before: Float64Array, after: Float64Array) -> bool:
     return _gained(before, after) >= _LEARNED
 
 
-def may_replace(standing: Float64Array, new: Float64Array) -> bool:
-    """Whether a new covariance (4, 4) of the parameters is of as much worth as the one that stands there."""
-    return _gained(standing, new) >= -_WORSE
+def may_replace(standing: Float64Array, new: Float64Array, prior: Float64Array) -> bool:
+    """Whether what a run itself has read of the parameters is of as much worth as what stands there, all (4, 4).
+
+    prior: what the run began with. Its own information is that of its belief `new` less that: a model that was given
+    may know a wheel to a thousandth, and three seconds with it say next to nothing.
+    """
+    sigma = np.sqrt(np.diag(standing))
+    if not np.all(sigma > 0.0):
+        return False
+    scale = np.outer(sigma, sigma)
+    try:
+        information = np.linalg.eigvalsh(np.linalg.inv(new / scale) - np.linalg.inv(prior / scale))
+    except np.linalg.LinAlgError:
+        return False
+    if not np.all(information > 0.0):
+        return False
+    volume = float(np.linalg.slogdet(standing / scale)[1])
+    return 0.5 * (float(np.sum(np.log(information))) + volume) >= -_WORSE
 
 
 def _gained(before: Float64Array, after: Float64Array) -> float:

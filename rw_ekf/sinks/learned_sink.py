@@ -83,14 +83,15 @@ class LearnedSink:
     def _lacks(self, covariance: Float64Array) -> str | None:
         """Say why a belief, covariance (4, 4), is of less worth than what there is; None where it is not."""
         start = self._learning.start
-        if start.from_prior and not has_learned(start.setup.prior.parameter_covariance, covariance):
+        prior = start.setup.prior.parameter_covariance
+        if start.from_prior and not has_learned(prior, covariance):
             return "the run has learned nothing that its configuration does not say"
         if start.standing is None:
             return None
         standing = np.array(start.standing.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
-        if may_replace(standing, covariance):
+        if may_replace(standing, covariance, prior):
             return None
-        return "this run knows the wheel much less well than what was learned before it, which it did not go on from"
+        return "by itself this run knows the wheel much less well than what was learned before it, which it has left"
 
     def _model(self, estimate: Estimate | None) -> WheelModel | None:
         """What was learned up to an estimate; None where there is none."""

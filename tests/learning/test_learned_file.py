@@ -6,12 +6,13 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rw_ekf.errors import ConfigError
-from rw_ekf.learning.learned_file import learned_text, out_of_bounds, read_learned
+from rw_ekf.learning.learned_file import learned_text, may_replace, out_of_bounds, read_learned
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.wheel_tag import WheelTag
@@ -115,3 +116,14 @@ def test_whose_a_model_is() -> None:
     assert not TAG.vouches_for(WheelTag())
     assert not replace(TAG, sign_confirmed=False).vouches_for(TAG)
     assert not TAG.vouches_for(replace(TAG, serial_number=None))
+
+
+@pytest.mark.parametrize(
+    ("share_read", "is_kept"), [(1.0, True), (0.3, True), (0.2, False), (1.0e-3, False), (0.0, False)]
+)
+def test_what_a_run_was_given_counts_for_nothing_in_what_it_has_learned(share_read: float, is_kept: bool) -> None:
+    """Begun with a model that knows all to a thousandth, it replaces what stands by what it has read beside that."""
+    standing = np.diag([0.01, 1.0e-5, 1.0e-3, 5.0e-3]) ** 2
+    prior = 1.0e-6 * standing
+    new = np.linalg.inv(np.linalg.inv(prior) + share_read * np.linalg.inv(standing))
+    assert may_replace(standing, new, prior) is is_kept

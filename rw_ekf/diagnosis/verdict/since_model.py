@@ -1,0 +1,46 @@
+"""A model of an earlier record beside the wheel's numbers in this one: what has changed, where no effect is new."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.filter.tails import chi_square_tail
+from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.numbers import plus_minus
+from rw_ekf.second_record import DISAGREE_P, MOVED
+from rw_ekf.wheel.model_file import WheelModel
+
+
+def sentence_since_model(found: Found, model: WheelModel) -> str:
+    """Which parameters this record has otherwise than the model that was given; nothing where it has them so.
+
+    By the test that tells a replay when a log contradicts its model. Where an effect is new, or the record is
+    unexplained, the parameters beside it mean something else, and nothing is said.
+    """
+    if found.new_ids or found.is_unexplained:
+        return ""
+    here, known = slice(0, PARAMETER_COUNT), np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
+    now, own = np.array(found.fit.model.parameters), found.fit.likelihood.covariance[here, here]
+    off = now - np.array(model.parameters)
+    size = np.sqrt(np.diag(own + known))
+    if not np.all(size > 0.0):
+        return ""
+    d2 = float((off / size) @ np.linalg.lstsq((own + known) / np.outer(size, size), off / size, rcond=None)[0])
+    if not chi_square_tail(d2, PARAMETER_COUNT) < DISAGREE_P:
+        return ""
+    moved = [_moved(i, now, own, model) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
+    which = ", ".join(moved) if moved else "all four parameters together"
+    return f"The wheel has changed since the model given was made, or is another: {which}. "
+
+
+def _moved(i: int, now: Float64Array, own: Float64Array, model: WheelModel) -> str:
+    before = model.parameters[i]
+    share = f", {100.0 * (now[i] - before) / before:+.2g} %" if before else ""
+    return (
+        f"{PARAMETER_NAMES[i]} {plus_minus(float(now[i]), math.sqrt(own[i, i]))} {STATE_UNITS[PARAMETER_NAMES[i]]} "
+        f"({plus_minus(before, math.sqrt(model.covariance[i][i]))} in the model{share})"
+    )
