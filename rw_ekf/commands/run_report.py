@@ -81,6 +81,8 @@ def report_text(outcome: RunOutcome, warnings: list[str], afterwards: Callable[[
         lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")
     if outcome.model is not None:
         lines.append(f"  model: {shown_path(outcome.model)}  (run, replay and diagnose take it: --model)")
+    elif outcome.files.model.name in outcome.unwritten.other_files:
+        lines.append("  model: none, because it could not be written")
     elif outcome.statistics.samples:
         lines.append("  model: none, because the run learned nothing that its configuration does not say")
     if afterwards is not None:

@@ -162,7 +162,8 @@ def _lines(document: dict[str, Any]) -> list[str]:
     if all(reported.get(name) is not None for reported in (state, std) for name in shown):
         current = document["current_command_A"]
         commanded = "not known" if current is None else f"{1e3 * current:+.1f} mA"
-        lines.append(f"  speed {rpm_from_rad_s(state['speed_rad_s']):+.1f} rpm, current {commanded}")
+        then = "" if document["alive"] else "when it was last published, not now: "
+        lines.append(f"  {then}speed {rpm_from_rad_s(state['speed_rad_s']):+.1f} rpm, current {commanded}")
         lines.append("  " + ", ".join(f"{n} {concise(state[n], std[n])} {STATE_UNITS[n]}" for n in PARAMETER_NAMES))
     link = document["link"]
     if link is not None:

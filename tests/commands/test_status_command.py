@@ -109,6 +109,9 @@ def test_a_run_that_ends_in_safe_says_so_in_its_status(bench: Bench) -> None:
     assert any("ended in SAFE" in text for text in document["logs"][0]["warnings"])
     code, reported = status(config)
     assert (code, reported["state"]) == (4, "SAFE")
+    assert (
+        "not now: speed" in rw_ekf("status", "--config", config).stdout
+    )  # and nobody takes the last current for today's
 
 
 def test_a_state_file_that_is_none_is_not_believed(bench: Bench) -> None:

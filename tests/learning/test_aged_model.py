@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rw_ekf.learning.aged_model import aged
+from rw_ekf.learning.run_start import GivenModel, start_of_run
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.starting_point import FilterSetup, setup_of_configuration
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
+from rw_ekf.wheel.wheel_tag import WheelTag
 from tests.wheel.test_model_file import effect
 
 HOUR_S = 3600.0
@@ -76,3 +80,17 @@ def test_effects_age_as_the_parameters_do() -> None:
     assert old.effects.terms[0].stds[0] == pytest.approx(grown)
     assert relative_stds(old)["viscous"] == pytest.approx(0.01, rel=0.01)  # the drift alone
     assert refusal_of(old) is None
+
+
+def test_a_run_believes_a_model_that_it_is_given_no_better_than_its_temperature_is_known(tmp_path: Path) -> None:
+    """Of any time and temperature: the values are the model's, and viscous friction may be half as large again."""
+    document = {"wheel": {"port": "x"}, "limits": {"current_A": 0.5}}
+    configuration = Configuration.model_validate(document)
+    tag = WheelTag(17, 6, 1, "sunspace-wheel", "ab" * 32, "x", sign_confirmed=True)
+    given = GivenModel(learned(), "m.yaml", named=True)
+    begun = start_of_run(configuration, given, tag, tmp_path / "learned.yaml", datetime(2026, 3, 1, tzinfo=UTC))
+    assert begun.setup.prior.parameters == pytest.approx(CK13_STATISTICAL)
+    found = {name: std / value for name, std, value in zip(
+        PARAMETER_NAMES, begun.setup.prior.parameter_std, CK13_STATISTICAL, strict=True
+    )}  # fmt: skip
+    assert found == pytest.approx({"motor_gain": 0.0096, "viscous": 0.143, "coulomb": 0.024, "static": 0.024}, rel=0.03)
