@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import ConfigError
 from rw_ekf.learning.learned_file import learned_text, may_replace, out_of_bounds, read_learned
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -125,5 +126,5 @@ def test_what_a_run_was_given_counts_for_nothing_in_what_it_has_learned(share_re
     """Begun with a model that knows all to a thousandth, it replaces what stands by what it has read beside that."""
     standing = np.diag([0.01, 1.0e-5, 1.0e-3, 5.0e-3]) ** 2
     prior = 1.0e-6 * standing
-    new = np.linalg.inv(np.linalg.inv(prior) + share_read * np.linalg.inv(standing))
+    new: Float64Array = np.linalg.inv(np.linalg.inv(prior) + share_read * np.linalg.inv(standing)).astype(np.float64)
     assert may_replace(standing, new, prior) is is_kept
