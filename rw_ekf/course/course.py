@@ -141,6 +141,38 @@ class Course(NamedTuple):
             columns=self.columns[rows] if self.columns.size else self.columns,
         )
 
+    def with_even_pieces(self, least_A_s: float) -> Course:
+        """An interval's pieces as one of their mean current, where the charge is nowhere in it off by more [A s].
+
+        At the interval's end no charge is lost, and a speed is off by what friction makes of so much within. With
+        least_A_s 0 only pieces of one and the same current become one.
+        """
+        first, n = self.piece_start, self.samples
+        begin_s, duration_s, current_A = (values.copy() for values in self.pieces)
+        count = np.diff(first, append=duration_s.size)
+        of = np.repeat(np.arange(n), count)  # the sample after which each piece comes
+        here, current = duration_s[first[0] :], current_A[first[0] :]
+        lowest = np.full(n, np.inf)
+        np.minimum.at(lowest, of, current)
+        lasts = np.bincount(of, here, n)
+        even = (count > 1) & (lasts > 0.0) & (self.segment == np.append(self.segment[1:], self.segment[-1] - 1))
+        mean = lowest + np.bincount(of, here * (current - lowest[of]), n) / np.where(even, lasts, np.inf)
+        charge = np.cumsum(here * (current - mean[of]))
+        off = np.abs(charge - np.concatenate(([0.0], charge))[first[of] - first[0]])
+        worst = np.zeros(n)
+        np.maximum.at(worst, of, off)
+        even &= worst <= least_A_s
+        kept = np.ones(duration_s.size, dtype=bool)
+        kept[first[0] :] = ~even[of]
+        at = first[even]
+        kept[at], duration_s[at], current_A[at] = True, lasts[even], mean[even]
+        place = np.concatenate(([0], np.cumsum(kept)))
+        return self._replace(
+            pieces=Pieces(begin_s[kept], duration_s[kept], current_A[kept]),
+            piece_start=place[first],
+            first_piece=place[self.first_piece],
+        )
+
     def only(self, part: BoolArray) -> Course:
         """The same with the readings outside `part` (n,) taken for missing."""
         return self._replace(speed_rad_s=np.where(part, self.speed_rad_s, np.nan))

@@ -115,6 +115,10 @@ class Prepared:
         return given
 
 
+# Of a reading's noise: by so much may a speed between two readings be off for a current that is taken as even there.
+_UNSEEN = 0.1
+
+
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: SplitKind) -> Prepared:
     """Fit the base model to the whole record. The source must not be `unfit`.
 
@@ -172,6 +176,10 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
             notes += (sentence_about(levels, gain, in_rpm=in_rpm),)
         else:
             levels = None
+    if levels is None:
+        course = course.with_even_pieces(unseen_A_s(base))
+        record = replace(record, course=course)
+        base = replace(base, linearised=replace(base.linearised, record=record))
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
         record = replace(record, course=course, angle_is_integrated=True)
@@ -315,6 +323,12 @@ def facts_of(
         log_starts_s=log_starts_s,
         reading_s=period * course.samples / max(speed.size, 1),
     )
+
+
+def unseen_A_s(fit: Fit) -> float:
+    """What a charge [A s] between two readings may be off by unseen."""
+    gain = abs(fit.model.parameters.motor_gain)
+    return _UNSEEN * math.sqrt(fit.noise.variance) / gain if gain > 0.0 else 0.0
 
 
 def slow_motion(speed_rad_s: Float64Array, stribeck_speed_rad_s: float) -> BoolArray:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
-from rw_ekf.diagnosis.prepare.preparation import Prepared, facts_of
+from rw_ekf.diagnosis.prepare.preparation import Prepared, facts_of, unseen_A_s
 from rw_ekf.likelihood.fitting import fit_model
 from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
@@ -34,6 +34,8 @@ def slower(prepared: Prepared) -> Prepared:
         return prepared
     rows = one_of_each(course.speed_rad_s, course.segment, every)
     thin, base, split = course.at(rows), prepared.base, prepared.split.at(rows)
+    if prepared.levels is None:
+        thin = thin.with_even_pieces(unseen_A_s(base))
     whole, work, logs = prepared.record, Work(), prepared.record.log_of[rows]
 
     def record(part: BoolArray) -> Record:
