@@ -19,6 +19,7 @@ from rw_ekf.errors import BadInputError, FilterError, LogError
 from rw_ekf.filter import gating
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import Consistency
+from rw_ekf.filter.constants import DEFAULT_SPEED_NOISE_RAD_S
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
@@ -125,8 +126,10 @@ class Run(Shown):
         if self.as_it_went is not None:
             lines.append(as_it_went_text(entry))
         if self.noise_from is not None:
-            noise = rpm_from_rad_s(self.setup.constants.speed_noise_rad_s)
-            lines.append(f"  speed noise {noise:.3g} rpm taken from {self.noise_from}; --config gives the run's own")
+            noise_rad_s = self.setup.constants.speed_noise_rad_s
+            shows_none = self.setup.fit_of_record is None and noise_rad_s == DEFAULT_SPEED_NOISE_RAD_S
+            teller = "assumed, for the record shows none" if shows_none else f"taken from {self.noise_from}"
+            lines.append(f"  speed noise {rpm_from_rad_s(noise_rad_s):.3g} rpm {teller}; --config gives the run's own")
         return "\n".join(lines)
 
     def plot(self, truth: Mapping[str, float] | None = None) -> Figure:

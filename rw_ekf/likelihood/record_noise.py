@@ -103,7 +103,8 @@ def is_foreign(course: Course, scale: RecordScale) -> bool:
 
 
 def _has_enough(part: Course) -> bool:
-    return int(np.isfinite(part.speed_rad_s).sum()) >= _FEWEST
+    read = part.speed_rad_s[np.isfinite(part.speed_rad_s)]
+    return read.size >= _FEWEST and bool(np.ptp(read) > 0.0)  # one number throughout tells no noise
 
 
 def _is_outside_band(part: Course, scale: RecordScale) -> bool:

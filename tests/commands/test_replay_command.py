@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import signal
@@ -221,3 +222,21 @@ def test_text_for_people_goes_to_standard_output(log: Path, capsys: pytest.Captu
     text = capsys.readouterr().out
     assert all(name in text for name in (str(log), "motor_gain", "rad/s^2/A", "+-", "NIS"))
     assert "warning" not in text
+
+
+@pytest.mark.parametrize("speed", [0, 100])
+def test_a_sensor_that_is_dead_is_said_to_be_and_tells_no_numbers(
+    speed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One and the same number throughout, under a current: no noise is taken from it, and no friction of 1e-9 sigma."""
+    log = tmp_path / "dead.csv"
+    rows = (f"{i / 10},{speed},{0.2 * math.sin(i / 40)}" for i in range(2000))
+    log.write_text("\n".join(["time_s,speed_rpm,current_A", *rows]))
+    assert main(["replay", str(log)]) == 0
+    said = capsys.readouterr().out
+    assert f"the speed is {speed} rpm in every row" in said
+    assert "assumed, for the record shows none" in said
+    assert said.count("not identifiable") == 4
+    main(["fit", str(log)])
+    spoken = capsys.readouterr()
+    assert "of its friction this log says nothing" in spoken.out + spoken.err or "is its speed constant" in spoken.err

@@ -21,7 +21,8 @@ def test_between_two_readings_the_charge_is_as_it_was(
     """Over several segments and late commands: an interval has its charge, and is inside off by `least` at most."""
     n = len(currents)
     segment = np.cumsum([int(ends >> i & 3 == 3) for i in range(n)])
-    course = Course.of(np.linspace(0.0, 0.1 * (n - 1), n), np.zeros(n), np.array(currents), np.full(n, delay_s), segment)
+    time_s = np.linspace(0.0, 0.1 * (n - 1), n)
+    course = Course.of(time_s, np.zeros(n), np.array(currents), np.full(n, delay_s), segment)
     even = course.with_even_pieces(least_A_s)
     np.testing.assert_allclose(even.mean_current_A, course.mean_current_A, atol=1.0e-12)
     assert set(even.pieces.begin_s) <= set(course.pieces.begin_s)
