@@ -131,12 +131,11 @@ class Fit(Shown):
         return f"Fit({self.log!r}, {', '.join(f'{item.name} {item.text()}' for item in self.reports)})"
 
     def _lines(self) -> list[str]:
-        setup, core = self.setup, self.belief.core
+        setup = self.setup
         lines = [f"  {item.name:<10}  {item.text()}" for item in self.reports]
         lines += effects_text(effects_document(setup.effects, self.belief))
         if setup.inertia_kg_m2 is not None:
-            reported = torques_text(core.parameters, core.parameter_std, setup.inertia_kg_m2, setup.inertia_from)
-            lines.append(f"  {reported}")
+            lines.append("  " + torques_text(self.belief.core, setup.inertia_kg_m2, setup))
         if "residual_rms_rpm" in self.quality:
             of = self.quality
             lines.append(

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.filter.identifiability import report
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
+from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
+from rw_ekf.model.bounds import ASSUMED
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.numbers import plus_minus
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
@@ -106,15 +108,22 @@ def inertia_text(inertia_kg_m2: float, inertia_from: str) -> str:
     return f"inertia {inertia_kg_m2:.4g} kg m^2, {whose}"
 
 
-def torques_text(values: FrictionParameters, stds: FrictionParameters, inertia_kg_m2: float, inertia_from: str) -> str:
-    """The two dry frictions as torques, and the inertia that stands behind every torque.
+def torques_text(core: Belief, inertia_kg_m2: float, setup: FilterSetup) -> str:
+    """The two dry frictions of a belief in the parameters as torques, and what was assumed behind them.
 
-    values, stds: the parameters, per unit inertia; inertia_from: "configuration", "model" or "assumed".
+    Beside a Stribeck speed that is not the wheel's static friction is another, as every torque is with the inertia.
     """
-    milli = 1.0e3 * inertia_kg_m2
+    milli, values, stds = 1.0e3 * inertia_kg_m2, core.parameters, core.parameter_std
     dry = (("Coulomb", values.coulomb, stds.coulomb), ("static", values.static, stds.static))
     shown = [f"{name} {plus_minus(milli * value, milli * std)} mN m" for name, value, std in dry]
-    return f"as torques: {', '.join(shown)} ({inertia_text(inertia_kg_m2, inertia_from)})"
+    behind = inertia_text(inertia_kg_m2, setup.inertia_from)
+    omega_s = setup.constants.stribeck.omega_s
+    if setup.inertia_from == ASSUMED and omega_s == DEFAULT_STRIBECK_SPEED_RAD_S:
+        behind += (
+            f"; Stribeck speed {rpm_from_rad_s(omega_s):.4g} rpm, the default, assumed: static friction goes with it; "
+            "give `wheel.stribeck_speed_rpm`"
+        )
+    return f"as torques: {', '.join(shown)} ({behind})"
 
 
 def entry_text(entry: Mapping[str, Any], statistics: RunStatistics, belief: Belief, setup: FilterSetup) -> str:
@@ -128,8 +137,7 @@ def entry_text(entry: Mapping[str, Any], statistics: RunStatistics, belief: Beli
     lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief.core, prior.core, statistics.points)]
     lines += effects_text(entry["effects"])
     if setup.inertia_kg_m2 is not None:
-        core = belief.core
-        lines.append("  " + torques_text(core.parameters, core.parameter_std, setup.inertia_kg_m2, setup.inertia_from))
+        lines.append("  " + torques_text(belief.core, setup.inertia_kg_m2, setup))
     speed = rpm_from_rad_s(entry["state"]["speed_rad_s"])
     lines.append(
         f"  {'speed':<{width}}  {speed:.2f} +- {rpm_from_rad_s(entry['std']['speed_rad_s']):.2f} rpm at the end"
