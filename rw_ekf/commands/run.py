@@ -148,13 +148,16 @@ def run_and_report(
         from rw_ekf.console import logger
         from rw_ekf.json_output import print_json
         from rw_ekf.live.daemon import Task, run_daemon
-        from rw_ekf.live.published_state import crashed_in_safe
+        from rw_ekf.live.published_state import crashed_in_safe, was_in_safe
         from rw_ekf.sinks.run_files import state_path
 
         protocol = checked_protocol(configuration)
         given = given_model(configuration, args)
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-        begin_safe = crashed_in_safe(state_path(configuration)) if keep_safe else None
+        before = state_path(configuration)
+        begin_safe = crashed_in_safe(before) if keep_safe else None
+        if begin_safe is None and (reason := was_in_safe(before)) is not None:
+            log.warning("last_run_in_safe", reason=reason, do="this run begins anew: is what brought it there mended?")
         outcome = run_daemon(
             Task(configuration, protocol, given, args.duration, None if planned is None else planned.commander),
             log,

@@ -33,13 +33,17 @@ def run_bus(
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.console import logger
         from rw_ekf.live.bus import Bus, BusWheel
-        from rw_ekf.live.published_state import safe_before
+        from rw_ekf.live.published_state import safe_before, was_in_safe
         from rw_ekf.sinks.run_files import state_path
 
         log = logger(args.log_format)
         line = SharedLine(configurations, [checked_protocol(one) for one in configurations], at.clock)
         paths = [state_path(configuration) for configuration in configurations]
         before = safe_before(paths) if keep_safe else [None] * len(paths)
+        for configuration, path, safe in zip(configurations, paths, before, strict=True):
+            if safe is None and (reason := was_in_safe(path)) is not None:
+                do = "this run begins anew: is what brought it there mended?"
+                log.warning("last_run_in_safe", wheel=configuration.wheel.name, reason=reason, do=do)
         wheels = [
             BusWheel(
                 configuration,

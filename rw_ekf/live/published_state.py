@@ -106,6 +106,19 @@ def crashed_in_safe(path: Path) -> str | None:
     return str(found.document.get("reason"))
 
 
+def was_in_safe(path: Path) -> str | None:
+    """How and why the run that left a state file was over while it was in SAFE; None where it was not.
+
+    A run that begins anew drives the wheel, for somebody started it; what brought that one there may be there still.
+    """
+    found = read_published(path)
+    if found is None or found.alive or found.run_state != RunState.SAFE:
+        return None
+    ended = found.document.get("ended_utc")
+    over = f"died, last heard of at {found.document.get('utc')}" if ended is None else f"ended at {ended}"
+    return f"the run before {over} in SAFE: {found.document.get('reason')}"
+
+
 def safe_before(paths: Sequence[Path]) -> list[str | None]:
     """Why each wheel of a line is to begin in SAFE, where the daemon that left these state files died; None: it is not.
 

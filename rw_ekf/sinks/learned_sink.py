@@ -110,6 +110,12 @@ class LearnedSink:
             if self._replaces:
                 os.replace(files.learned, files.replaced)
                 self._replaces = False
+                self._run.logger.info(
+                    "learned_replaced",
+                    file=str(files.learned),
+                    before=str(files.replaced),
+                    do="to go back, put that one in this one's place",
+                )
             text = learned_text(model, fingerprint, files.log.name, self._run.clock.utc())
             write_text(files.learned, text, follow=False)
             self._failed = False

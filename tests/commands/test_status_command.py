@@ -112,6 +112,10 @@ def test_a_run_that_ends_in_safe_says_so_in_its_status(bench: Bench) -> None:
     assert (
         "not now: speed" in rw_ekf("status", "--config", config).stdout
     )  # and nobody takes the last current for today's
+    set_heat(bench, 20.0)
+    again = rw_ekf("run", "--config", config, "--duration", "0.3")
+    assert "last_run_in_safe" in again.stderr
+    assert "last_run_in_safe" not in rw_ekf("run", "--config", config, "--duration", "0.3").stderr
 
 
 def test_a_state_file_that_is_none_is_not_believed(bench: Bench) -> None:
