@@ -41,6 +41,7 @@ DISAGREE_P = 1.0e-5
 # What a log is asked with by itself: ten of the model's sigmas, and the whole of each number. A wheel whose friction is
 # another by a tenth is a thousand sigmas off; a filter that may look no further than ten of them is lost there.
 _FREE_SIGMAS, _FREE_SHARE = 10.0, 1.0
+_MOST_WIDENED, _HALVINGS = 1.0e12, 40  # of variances; no model knows a number to a millionth of what it is
 _NOISIER = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # times the model's torque noise
 _AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
 _SHORT = 1.0e-3  # of a reach: a step that is no step
@@ -322,7 +323,8 @@ def with_noise_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
 def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     """The setup with its a priori widened by as much as this log contradicts it, and a sentence; else unchanged.
 
-    By Birge's ratio: the variances grow by chi-square over its degrees of freedom.
+    By Birge's ratio, of the model's variances alone: they grow until chi-square is its degrees of freedom. The log's
+    own sigmas are no part of what was wrong, and may be much the larger ones.
     """
     steady = replace(setup, constants=without_drift(setup.constants))
     count = setup.effects.size
@@ -331,25 +333,36 @@ def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     if was_reset(free):
         return _left_to_itself(course, setup, steady)
     off = free.mean[known] - setup.prior.mean[known]
-    apart = free.covariance[known, known] + setup.prior.covariance[known, known]
-    size = np.sqrt(np.diag(apart))
-    if not np.all(size > 0.0):
-        return setup
-    d2 = float((off / size) @ np.linalg.lstsq(apart / np.outer(size, size), off / size, rcond=None)[0])
-    if not chi_square_tail(d2, off.size) < DISAGREE_P:
+    own, given = free.covariance[known, known], setup.prior.covariance[known, known]
+    size = np.sqrt(np.diag(own + given))
+    if not np.all(size > 0.0) or not chi_square_tail(apart(off, own + given), off.size) < DISAGREE_P:
         return setup
     names = [*PARAMETER_NAMES, *setup.effects.state_names]
     worst = int(np.argmax(np.abs(off) / size))
-    own = plus_minus(float(free.mean[known][worst]), math.sqrt(float(free.covariance[known, known][worst, worst])))
-    reported = plus_minus(
-        float(setup.prior.mean[known][worst]), math.sqrt(float(setup.prior.covariance[known, known][worst, worst]))
-    )
+    alone = plus_minus(float(free.mean[known][worst]), math.sqrt(float(own[worst, worst])))
+    reported = plus_minus(float(setup.prior.mean[known][worst]), math.sqrt(float(given[worst, worst])))
     note = (
-        f"this log and the model given contradict each other ({names[worst]} {own} by the log alone, {reported} in the "
-        f"model): the wheel was another then, or its law is not quite the model's; the model counts for less here, and "
-        "`rw-ekf diagnose LOG --model F` asks what changed"
+        f"this log and the model given contradict each other ({names[worst]} {alone} by the log alone, {reported} in "
+        "the model): the wheel was another then, or its law is not quite the model's; the model counts for less here, "
+        "and `rw-ekf diagnose LOG --model F` asks what changed"
     )
-    return replace(_widened(setup, known, d2 / off.size), notes=(*setup.notes, note))
+    return replace(_widened(setup, known, _birge(off, own, given)), notes=(*setup.notes, note))
+
+
+def _birge(off: Float64Array, own: Float64Array, given: Float64Array) -> float:
+    """Times that a model's covariance `given` (m, m) has to grow for numbers `off` it, known to `own`, to be likely."""
+    low, high = 0.0, math.log(_MOST_WIDENED)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if apart(off, own + math.exp(middle) * given) > off.size else (low, middle)
+    return math.exp(high)
+
+
+def apart(off: Float64Array, covariance: Float64Array) -> float:
+    """Chi-square of a difference (m,)."""
+    size = np.sqrt(np.diag(covariance))
+    scaled = covariance / np.outer(size, size)
+    return float((off / size) @ np.linalg.lstsq(scaled, off / size, rcond=None)[0])
 
 
 def _left_to_itself(course: Course, setup: FilterSetup, steady: FilterSetup) -> FilterSetup:

@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import plus_minus
-from rw_ekf.second_record import DISAGREE_P, MOVED
+from rw_ekf.second_record import DISAGREE_P, MOVED, apart
 from rw_ekf.wheel.model_file import WheelModel
 
 
@@ -29,8 +29,7 @@ def sentence_since_model(found: Found, model: WheelModel) -> str:
     size = np.sqrt(np.diag(own + known))
     if not np.all(size > 0.0):
         return ""
-    d2 = float((off / size) @ np.linalg.lstsq((own + known) / np.outer(size, size), off / size, rcond=None)[0])
-    if not chi_square_tail(d2, PARAMETER_COUNT) < DISAGREE_P:
+    if not chi_square_tail(apart(off, own + known), PARAMETER_COUNT) < DISAGREE_P:
         return ""
     moved = [_moved(i, now, own, model) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
     which = ", ".join(moved) if moved else "all four parameters together"
