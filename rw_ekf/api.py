@@ -269,6 +269,7 @@ class Estimator:
     ) -> None:
         """Start from a model, else from the prior around [CK13]; noises that the model knows are the model's.
 
+        A model is believed to its last digit: of another day, or temperature, give `viscous` and the others as priors.
         priors: motor_gain, viscous, coulomb, static as (value, standard deviation), in place of either's. period_s:
         usual time between two steps; a gap is never shorter than five of it. inertia_kg_m2: for
         `Estimate.friction_torque`; None: the model's, if somebody gave it one. Raises Error.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import BadInputError, ConfigError
-from rw_ekf.learning.aged_model import aged, carried_over
+from rw_ekf.learning.aged_model import aged, as_given, carried_over
 from rw_ekf.learning.learned_file import Learned, content_of, fingerprint, out_of_bounds, read_learned
 from rw_ekf.starting_point import FilterSetup, model_of, setup_of_configuration, setup_of_start
 from rw_ekf.wheel.model_file import WheelModel
@@ -19,9 +19,6 @@ from rw_ekf.wheel.wheel_tag import WheelTag
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
-# Of a model that is given and does not say when it was made: at least of another temperature than the wheel has now. A
-# third less or more: 4.6 or 4.9 K for 4.8 (`aged`).
-_GIVEN_AGE_S = 3.0 * 3600.0
 _UNKNOWN_AGE_S = 365.0 * 86_400.0  # of a file from the future: some clock was wrong, nobody knows which
 _SURE = 2.0  # standard deviations by which a gain that drives must be positive
 _NO_CURRENT = 100.0  # times limits.current_A: what does not overcome Coulomb friction then has no motor
@@ -72,7 +69,7 @@ def start_of_run(
         stated += _whose(model, given, wheel, drives=configuration.command.writes)
         model, notes = carried_over(model)
         stated += [("effect_not_carried_over", text) for text in notes]
-        model = aged(model, setup_of_configuration(configuration, None), _GIVEN_AGE_S)
+        model = as_given(model, setup_of_configuration(configuration, None))
     setup = origin = setup_of_configuration(configuration, model)
     began = _fingerprint(configuration, given.model)
     found, why_not = _read(learned, configuration, given)
