@@ -68,7 +68,7 @@ class CanServer(RegisterServer):
                     self._obey(name, unpacked[0], unpacked[1] or 0)
         return []
 
-    def unasked_for(self, time_s: float) -> list[Reply]:
+    def unsolicited(self, time_s: float) -> list[Reply]:
         """What is due to be sent."""
         found: list[Reply] = []
         for group, due_s in self._due.items():
@@ -81,7 +81,7 @@ class CanServer(RegisterServer):
                 found += self._cycle(group, time_s)
         return found
 
-    def next_unasked_for_s(self, time_s: float) -> float:
+    def next_unsolicited_s(self, time_s: float) -> float:
         """When that is next."""
         return min(self._due.values(), default=math.inf) if self._open else math.inf
 

@@ -110,11 +110,11 @@ class RegisterServer:
         self.plant.advance_to(time_s)
         self._spoilt.happen(self, time_s)
 
-    def unasked_for(self, time_s: float) -> list[Reply]:
+    def unsolicited(self, time_s: float) -> list[Reply]:
         """What the wheel says at `time_s` though nobody asks: nothing, on a line of registers."""
         return []
 
-    def next_unasked_for_s(self, time_s: float) -> float:
+    def next_unsolicited_s(self, time_s: float) -> float:
         """When it next does; infinity: never."""
         return math.inf
 

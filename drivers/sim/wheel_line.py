@@ -51,13 +51,13 @@ class BusElectronics:
         for wheel in self.wheels:
             wheel.advance_to(time_s)
 
-    def unasked_for(self, time_s: float) -> list[Reply]:
+    def unsolicited(self, time_s: float) -> list[Reply]:
         """What wheels say that nobody asks."""
-        return [reply for wheel in self.wheels for reply in wheel.unasked_for(time_s)]
+        return [reply for wheel in self.wheels for reply in wheel.unsolicited(time_s)]
 
-    def next_unasked_for_s(self, time_s: float) -> float:
+    def next_unsolicited_s(self, time_s: float) -> float:
         """When one of them next does; infinity: never."""
-        return min(wheel.next_unasked_for_s(time_s) for wheel in self.wheels)
+        return min(wheel.next_unsolicited_s(time_s) for wheel in self.wheels)
 
 
 TURNAROUND_S = 0.0005  # from the last byte of a request to the first of its reply
@@ -103,7 +103,7 @@ class WheelLine:
             due_s = min(due_s, now_s + FLOOD_EVERY_S)
         if self._events:
             due_s = min(due_s, self._events[0][0])
-        due_s = min(due_s, self.server.next_unasked_for_s(now_s))
+        due_s = min(due_s, self.server.next_unsolicited_s(now_s))
         return max(due_s, now_s)
 
     def take(self, content: bytes, now_s: float) -> None:
@@ -122,9 +122,9 @@ class WheelLine:
         if self._faults.on("flood", now_s):
             came = self._stage.junk(FROM, now_s)
             self._push(now_s, RECEIVED, self._stage.junk(TO, now_s))
-        unasked_for = self.server.unasked_for(now_s)
-        if unasked_for:
-            self._send(unasked_for, now_s)
+        unsolicited = self.server.unsolicited(now_s)
+        if unsolicited:
+            self._send(unsolicited, now_s)
         while self._events and self._events[0][0] <= now_s:
             time_s, _, kind, content = heapq.heappop(self._events)
             if kind == SEND:

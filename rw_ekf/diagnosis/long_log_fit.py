@@ -59,7 +59,7 @@ class _Sums:
 def fitted_to_all(fit: Fit, reported: Fit, prepared: Prepared, log: LongLog) -> WholeFit | None:
     """A fit of stretches taken on to all of a log; None where a part alone cannot say what the whole says.
 
-    told: the fit with the standard deviations that a person is told; by what they exceed those of `fit`, which more
+    reported: the fit with the standard deviations that a person is told; by what they exceed those of `fit`, which more
     readings do not mend (a Stribeck speed that nobody knows), the new ones do. That of break-away friction stays no
     smaller than it was: a command that climbs in steps passes it between the same two each time, and the error is the
     same each time (of 224 runs whose ramps climb by 1 % of it the mean was .07 % too high).

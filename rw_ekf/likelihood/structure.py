@@ -89,7 +89,7 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
 def structure(fit: Fit, wanted: Float64Array | None = None) -> Structure:
     """Test the fit of a model without friction that has a memory for what would add to it.
 
-    asked: slopes (n, m) of each one-step prediction by what is asked for; None: by what the commonest effects add.
+    wanted: slopes (n, m) of each one-step prediction by what is asked for; None: by what the commonest effects add.
     """
     linearised = fit.linearised
     extra = _regressors(fit) if wanted is None else wanted

@@ -82,9 +82,9 @@ def with_clock_columns(table: RawTable) -> RawTable:
 def _part_of(name: str) -> str:
     """Which part of a time a name says, and nothing else; empty for any other."""
     words = re.findall(r"[^\W\d_]+", name.lower())
-    told = {_PART[word] for word in words if word in _PART and (word not in _BESIDE or len(words) == 1)}
+    parts = {_PART[word] for word in words if word in _PART and (word not in _BESIDE or len(words) == 1)}
     rest = [word for word in words if word not in _PART and word not in _BESIDE]
-    return told.pop() if len(told) == 1 and not rest else ""
+    return parts.pop() if len(parts) == 1 and not rest else ""
 
 
 def _of_one_clock(values: dict[str, Float64Array]) -> dict[str, Float64Array]:

@@ -155,8 +155,8 @@ def _find_time(table: RawTable, columns: list[Column], reported: Answers, guess:
             return clock
         column = columns[clock.number]
         whole = clock.concluded and not unit and bool(np.array_equal(column.values, np.round(column.values)))
-        if whole and (said := unit_of_stamps(table.preamble)) is not None:
-            size, of, words = said
+        if whole and (counted := unit_of_stamps(table.preamble)) is not None:
+            size, of, words = counted
             found = clock_of(column.number, column.name, column.stated, column.values, of, False, size) or clock
             found.why, found.scale = f"the file says '{words}'", size
             if not FASTEST_S <= usual_step(found.time_s) <= SLOWEST_S:

@@ -108,7 +108,7 @@ class Clock:
 def clock_of(
     number: int, name: str, stated: Stated, values: Float64Array, reported: str, stamps: bool, scale: float = 1.0
 ) -> Clock | None:
-    """A column (n,) as a clock; told: the unit that was given, `scale` of it each. None where no numbers rise."""
+    """A column (n,) as a clock; reported: the unit that was given, `scale` of it each. None where no numbers rise."""
     if len(values) < 3 or not np.isfinite(values).all() or float(np.ptp(values)) == 0.0:
         return None
     wrap = _wrap(values)

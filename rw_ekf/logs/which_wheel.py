@@ -50,9 +50,9 @@ def rows_of_wheel(table: RawTable, wheel: str) -> RawTable:
 def named_by_device(names: tuple[str, ...], above: tuple[str, ...]) -> tuple[str, ...]:
     """Names that come again below another device each, `RW1,,,RW2,,` above them, with the device in front."""
     alike = Counter(names)
-    told = {name: {label for label, other in zip(above, names, strict=False) if other == name} for name in alike}
+    labels = {name: {label for label, other in zip(above, names, strict=False) if other == name} for name in alike}
     devices = [_DEVICE.search(label) for label in above]
     which = {match[0].lower() for match in devices if match is not None}
-    whole = all(alike[name] == len(told[name]) == len(which) > 1 for name in names) and None not in devices
+    whole = all(alike[name] == len(labels[name]) == len(which) > 1 for name in names) and None not in devices
     whole = whole and not any(map(_OF_A_RUN.search, above))
     return tuple(f"{label} {name}" for label, name in zip(above, names, strict=True)) if whole else names

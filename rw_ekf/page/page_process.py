@@ -27,7 +27,7 @@ _LOADED_AHEAD = ("rw_ekf.logs.reader", "rw_ekf.wheel.model_file", "rw_ekf.starti
 
 
 def serve(place: Place, host: str, port: int, reported: Callable[[str], object]) -> None:
-    """Serve runs or folders of runs; told: of the address, once it answers there. Raises BadInputError."""
+    """Serve runs or folders of runs; reported: the address, once it answers there. Raises BadInputError."""
     try:
         listening = _listening(host, port)
     except OSError as error:

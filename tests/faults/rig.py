@@ -37,14 +37,14 @@ FAMILY = ContextVar("FAMILY", default=FAMILIES[0])  # of the wheels of a test th
 BEGAN = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 
 
-def is_unasked_for(wheel: SerialWheel) -> bool:
+def is_unsolicited(wheel: SerialWheel) -> bool:
     """Whether its telemetry comes though nobody asks: then what was sent before a fault may be read behind it."""
     return isinstance(wheel._line, CanLink)
 
 
 def let_pass(wheel: SerialWheel) -> None:
     """Read off what was sent before the fault that is there now."""
-    if is_unasked_for(wheel):
+    if is_unsolicited(wheel):
         wheel._line._clock.sleep(0.05)  # type: ignore[attr-defined]
         wheel.read(0.001)
 

@@ -10,7 +10,7 @@ from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import WheelSample
 from tests.faults.ports import Babbling, opening
-from tests.faults.rig import EACH_FAMILY_ON_A_LINE, is_unasked_for, let_pass, open_timed, port_of
+from tests.faults.rig import EACH_FAMILY_ON_A_LINE, is_unsolicited, let_pass, open_timed, port_of
 from tests.live.bench import Bench
 from tests.live.daemon import run
 from tests.live.test_line_faults import error_rpm, fault
@@ -25,10 +25,10 @@ MEGABYTE = 1_000_000
 def samples_of(bench: Bench, wheel: SerialWheel, times: int) -> list[WheelSample | None]:
     """So many readings, each asked for after the one before; none is older than its request, or than is fresh."""
     samples = []
-    older_s = 0.040 if is_unasked_for(wheel) else 0.002
+    older_s = 0.040 if is_unsolicited(wheel) else 0.002
     for _ in range(times):
         # One that sends by itself is asked nothing: what it told last is the newest that can be on its way.
-        now_s = bench.registers.plant.time_s if is_unasked_for(wheel) else bench.wheel_time_s()
+        now_s = bench.registers.plant.time_s if is_unsolicited(wheel) else bench.wheel_time_s()
         wanted_s = now_s + 100.0  # the bench's wheels have been up for so long
         samples.append(wheel.read(1.0))
         if samples[-1] is not None and wheel._uptime_field is not None:  # else its time is that of the request
@@ -45,7 +45,7 @@ def recovers(bench: Bench, wheel: SerialWheel) -> bool:
 
 def test_a_frame_in_pieces_is_put_together(timed: Bench, timed_wheel: SerialWheel) -> None:
     """Row 7: byte by byte within the time of a reply, every sample comes."""
-    timed.fault("dribble:0.05ms" if is_unasked_for(timed_wheel) else "dribble:1ms")  # before the next one comes
+    timed.fault("dribble:0.05ms" if is_unsolicited(timed_wheel) else "dribble:1ms")  # before the next one comes
     assert all(samples_of(timed, timed_wheel, 5))
     assert timed_wheel.link.damaged == 0
     assert recovers(timed, timed_wheel)
@@ -69,7 +69,7 @@ def test_a_frame_that_does_not_end_in_time_is_dropped(timed: Bench, family: str)
     clock.sleep(0.2)
     bench.fault("")
     assert wheel.read(1.0) is not None
-    assert wheel.link.damaged == damaged + 1 or (is_unasked_for(wheel) and wheel.link.damaged > damaged)
+    assert wheel.link.damaged == damaged + 1 or (is_unsolicited(wheel) and wheel.link.damaged > damaged)
     assert recovers(bench, wheel)
     wheel.close()
 
@@ -150,7 +150,7 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
     bench: Bench, wheel: SerialWheel, text: str, counter: str
 ) -> None:
     """Row 13: with a good checksum, and counted; on a bus a frame of another id is somebody else's."""
-    if is_unasked_for(
+    if is_unsolicited(
         wheel
     ):  # a count that is behind by one all the time is nobody's to know; one that stands still is
         text, counter = {"id": ("id", "timeouts"), "seq": ("repeat", "stale")}.get(text, (text, counter))

@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.records import RunState
-from tests.faults.rig import EACH_FAMILY, LineWheel, is_unasked_for, port_of
+from tests.faults.rig import EACH_FAMILY, LineWheel, is_unsolicited, port_of
 from tests.live.bench import Bench, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
@@ -22,7 +22,7 @@ pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 def test_an_adapter_with_a_latency_timer_is_told(timed: Bench, timed_wheel: SerialWheel) -> None:
     """Row 23: bytes come every 16 ms: all samples come, what replies took and its jitter are told; it ends with it."""
     bench, wheel = timed, timed_wheel
-    answered = _confirmed if is_unasked_for(wheel) else _read
+    answered = _confirmed if is_unsolicited(wheel) else _read
     assert all(answered(wheel) for _ in range(20))
     quick_ms = wheel.link.reply_ms
     bench.fault("hold/from:16ms")
@@ -67,10 +67,10 @@ def test_output_that_nobody_takes_ends_at_its_deadline(bench: Bench, wheel: Seri
     port = port_of(wheel)._serial
     wait_for(lambda: _is_full(port.fd))
     timeouts = wheel.link.timeouts
-    assert (wheel.read(0.2) is not None) is is_unasked_for(wheel)  # what comes unasked is not stopped by that
+    assert (wheel.read(0.2) is not None) is is_unsolicited(wheel)  # what comes unasked is not stopped by that
     issued = wheel.command_current(0.2)
-    assert not issued.acknowledged or (is_unasked_for(wheel) and issued.current_A == 0.0)  # which telemetry tells
-    assert wheel.link.timeouts >= timeouts + (1 if is_unasked_for(wheel) else 2) or issued.reason == "not_taken"
+    assert not issued.acknowledged or (is_unsolicited(wheel) and issued.current_A == 0.0)  # which telemetry tells
+    assert wheel.link.timeouts >= timeouts + (1 if is_unsolicited(wheel) else 2) or issued.reason == "not_taken"
     bench.fault("")
     wait_for(lambda: wheel.read(0.5) is not None)
     assert all(wheel.read(1.0) is not None for _ in range(5))

@@ -19,7 +19,7 @@ from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
-from tests.faults.rig import is_unasked_for, let_pass
+from tests.faults.rig import is_unsolicited, let_pass
 from tests.injecting import put_faults
 from tests.live.bench import FAMILIES, Bench, wait_for
 from tests.live.daemon import run
@@ -127,7 +127,7 @@ def test_a_speed_that_goes_round_the_end_of_its_integer_is_none(bench: Bench, wh
     """Row 18: -16000 rpm just after 16000 rpm is a wrap and no reading; what stays so for a second is believed."""
     bench.fault(f"value/cycle:speed={rad_s_from_rpm(16000.0)}")
     let_pass(wheel)
-    if is_unasked_for(wheel):
+    if is_unsolicited(wheel):
         CLOCK.sleep(1.2)  # what was read before is then no reason to doubt it
     first = wheel.read(1.0)
     assert first is not None

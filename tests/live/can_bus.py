@@ -80,7 +80,7 @@ class BusBench(Bench):
             while not self._over.is_set():
                 message = bus.recv(POLL_S)
                 now_s = zero_s + time.monotonic() - began_s
-                replies = server.unasked_for(now_s)
+                replies = server.unsolicited(now_s)
                 if message is not None and not message.is_error_frame:
                     heard = CanFrame(
                         message.arbitration_id, bytes(message.data), message.is_extended_id, message.is_remote_frame

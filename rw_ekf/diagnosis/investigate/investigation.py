@@ -136,7 +136,7 @@ def beside_a_walk(found: Found, advance: Advance) -> Found:
 
 def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advance) -> Found:
     """What stands when the ledger has grown on by another search, if that leaves no structure; else as it was."""
-    ledger = replace(found.ledger.unasked_for(), facts=prepared.facts)
+    ledger = replace(found.ledger.unchecked(), facts=prepared.facts)
     selection = replace(found.selection, final=found.ledger.base, rivals={})
     other = _searched(prepared, search, ledger, selection, advance)
     return other if other.new_ids and not other.left else found

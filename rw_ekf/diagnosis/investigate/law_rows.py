@@ -47,7 +47,7 @@ def with_laws(found: Found, advance: Advance) -> Found:
     if max(ahead, beside) <= 0.0 and not made_up_curves(found.fit):
         return found
     search = Search(prepared.record, facts, advance)
-    ledger = found.ledger.unasked_for().with_rows([found.fit])
+    ledger = found.ledger.unchecked().with_rows([found.fit])
     selection = replace(found.selection, final=ledger.base, rivals={})
     ledger, selection = grown_with_laws(search, ledger, selection, laws)
     ledger, selection = chosen(prepared, search, ledger, selection)

@@ -116,7 +116,7 @@ class Ledger:
         rows = (replace(row, checks=(*row.checks, *checks)) if row.key == key else row for row in self.rows)
         return replace(self, rows=tuple(rows))
 
-    def unasked_for(self) -> Ledger:
+    def unchecked(self) -> Ledger:
         """With what no row was asked yet: whatever a check stands on has changed."""
         return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
 

@@ -142,8 +142,8 @@ def _of_lines(text: str, name: str, columns: ColumnMap) -> RawTable:
         raise LogError(f"{name}: line {wrong[0]}: is no JSON, as {len(wrong)} of {len(numbered)} lines: mend them")
     stamp, message = _JOURNAL
     if rows and all(str(row.get(stamp, "")).isdecimal() for row in rows):
-        said = [(int(row[stamp]), row[message]) for row in rows if isinstance(row.get(message), str)]
-        stated = _stamped((1000 * time_us, line) for time_us, line in said)
+        messages = [(int(row[stamp]), row[message]) for row in rows if isinstance(row.get(message), str)]
+        stated = _stamped((1000 * time_us, line) for time_us, line in messages)
         return read_csv_table(LogText(Path(name), stated), columns.csv, columns.uses, name)
     table = _of_records(rows, lines, name)
     if wrong:
