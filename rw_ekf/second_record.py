@@ -37,7 +37,7 @@ _GAINED = 0.02  # log-likelihood: with less a step was the last
 _OPEN = 3.0  # log-likelihood, by which a law is less likely than another and yet may be it
 MOVED = 3.0  # sigmas by which a number is another than the model's, to be told
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
-DISAGREE_P = 1.0e-5
+_DISAGREE_P = 1.0e-5
 # What a log is asked with by itself: ten of the model's sigmas, and the whole of each number. A wheel whose friction is
 # another by a tenth is a thousand sigmas off; a filter that may look no further than ten of them is lost there.
 _FREE_SIGMAS, _FREE_SHARE = 10.0, 1.0
@@ -227,7 +227,6 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
             ]
     if len(ways) == 1:
         return setup
-    known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
     steady = _freed(replace(setup, constants=without_drift(setup.constants)))
     values = [
         log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate) for effects in ways
@@ -235,7 +234,7 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     open_ones = tuple(way for way, value in zip(ways, values, strict=True) if value > max(values) - _OPEN)
     likeliest = ways[int(np.argmax(values))]
     if likeliest is not setup.effects:
-        setup = _widened(setup, known, _FREE_SIGMAS**2)
+        setup = _widened(setup, _FREE_SIGMAS**2)
     return replace(setup, effects=likeliest, effect_hypotheses=open_ones if len(open_ones) > 1 else ())
 
 
@@ -327,18 +326,16 @@ def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
     own sigmas are no part of what was wrong, and may be much the larger ones.
     """
     steady = replace(setup, constants=without_drift(setup.constants))
-    count = setup.effects.size
-    known = slice(PARAMETERS.start, PARAMETERS.stop + count)
+    known = _known(setup)
     free = filtered(course, _freed(steady))
     if was_reset(free):
         return _left_to_itself(course, setup, steady)
     off = free.mean[known] - setup.prior.mean[known]
     own, given = free.covariance[known, known], setup.prior.covariance[known, known]
-    size = np.sqrt(np.diag(own + given))
-    if not np.all(size > 0.0) or not chi_square_tail(apart(off, own + given), off.size) < DISAGREE_P:
+    if not contradict(off, own + given):
         return setup
     names = [*PARAMETER_NAMES, *setup.effects.state_names]
-    worst = int(np.argmax(np.abs(off) / size))
+    worst = int(np.argmax(np.abs(off) / np.sqrt(np.diag(own + given))))
     alone = plus_minus(float(free.mean[known][worst]), math.sqrt(float(own[worst, worst])))
     reported = plus_minus(float(setup.prior.mean[known][worst]), math.sqrt(float(given[worst, worst])))
     note = (
@@ -346,7 +343,7 @@ def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
         "the model): the wheel was another then, or its law is not quite the model's; the model counts for less here, "
         "and `rw-ekf diagnose LOG --model F` asks what changed"
     )
-    return replace(_widened(setup, known, _birge(off, own, given)), notes=(*setup.notes, note))
+    return replace(_widened(setup, _birge(off, own, given)), notes=(*setup.notes, note))
 
 
 def _birge(off: Float64Array, own: Float64Array, given: Float64Array) -> float:
@@ -354,11 +351,16 @@ def _birge(off: Float64Array, own: Float64Array, given: Float64Array) -> float:
     low, high = 0.0, math.log(_MOST_WIDENED)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if apart(off, own + math.exp(middle) * given) > off.size else (low, middle)
+        low, high = (middle, high) if _apart(off, own + math.exp(middle) * given) > off.size else (low, middle)
     return math.exp(high)
 
 
-def apart(off: Float64Array, covariance: Float64Array) -> float:
+def contradict(off: Float64Array, covariance: Float64Array) -> bool:
+    """Whether numbers (m,) of two records are apart by more than their covariance (m, m) together lets them be."""
+    return bool(np.all(np.diag(covariance) > 0.0)) and chi_square_tail(_apart(off, covariance), off.size) < _DISAGREE_P
+
+
+def _apart(off: Float64Array, covariance: Float64Array) -> float:
     """Chi-square of a difference (m,)."""
     size = np.sqrt(np.diag(covariance))
     scaled = covariance / np.outer(size, size)
@@ -378,17 +380,21 @@ def _left_to_itself(course: Course, setup: FilterSetup, steady: FilterSetup) -> 
 
 def _freed(setup: FilterSetup) -> FilterSetup:
     """The setup with an a priori that leaves a log its own numbers, begun where the model's are."""
-    known = slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
-    wide = _widened(setup, known, _FREE_SIGMAS**2)
-    covariance = wide.prior.covariance
-    covariance[known, known] += np.diag((_FREE_SHARE * setup.prior.mean[known]) ** 2)
-    return replace(wide, prior=Belief(setup.prior.mean, covariance, setup.prior.effect_ids))
+    return _widened(setup, _FREE_SIGMAS**2, (_FREE_SHARE * setup.prior.mean[_known(setup)]) ** 2)
 
 
-def _widened(setup: FilterSetup, known: slice, times: float) -> FilterSetup:
-    covariance = setup.prior.covariance.copy()
+def _widened(setup: FilterSetup, times: float, more: Float64Array | float = 0.0) -> FilterSetup:
+    """The setup with so many times its a priori's covariance, and with variances (m,) more."""
+    covariance, known = setup.prior.covariance.copy(), _known(setup)
     covariance[known, known] *= times
+    at = np.arange(known.start, known.stop)
+    covariance[at, at] += more
     return replace(setup, prior=Belief(setup.prior.mean, covariance, setup.prior.effect_ids))
+
+
+def _known(setup: FilterSetup) -> slice:
+    """The places of parameters and coefficients in the state."""
+    return slice(PARAMETERS.start, PARAMETERS.stop + setup.effects.size)
 
 
 def _with_shapes(effects: EffectSet, places: list[tuple[int, int]], shapes: Float64Array) -> EffectSet | None:

@@ -201,7 +201,7 @@ def _setup_of_record(course: Course, configuration: Configuration | None, model:
         constants,
         scale.prior,
         DEFAULT_INERTIA_KG_M2,
-        remarks_of_one_speed(course),
+        _remarks_of_one_speed(course),
         inertia_from=ASSUMED,
         fit_of_record=fit,
         acceleration_noises=() if found is None else found.acceleration_noises,
@@ -209,7 +209,7 @@ def _setup_of_record(course: Course, configuration: Configuration | None, model:
     )
 
 
-def remarks_of_one_speed(course: Course) -> tuple[str, ...]:
+def _remarks_of_one_speed(course: Course) -> tuple[str, ...]:
     """A sentence about a record whose speed is one and the same number throughout, which is no motion."""
     read = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     if read.size < 2 or np.ptp(read) > 0.0:

@@ -22,7 +22,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETERS, FrictionParameters
-from rw_ekf.second_record import _birge, apart
+from rw_ekf.second_record import _apart, _birge
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 from tests.diagnosis.simulated import TRUTH, simulated
@@ -126,7 +126,7 @@ def test_a_model_is_widened_until_it_bears_what_it_is_off_by() -> None:
     own, given = np.diag([1.0, 4.0]), np.diag([0.01, 0.04])
     off = np.array([50.0, 0.1])
     times = _birge(off, own, given)
-    assert apart(off, own + times * given) == pytest.approx(2.0, rel=1e-6)
+    assert _apart(off, own + times * given) == pytest.approx(2.0, rel=1e-6)
     weight = np.linalg.inv(times * given) @ np.linalg.inv(np.linalg.inv(own) + np.linalg.inv(times * given))
     assert np.all(np.abs(weight @ off) < 0.05)  # of the log's sigmas
 

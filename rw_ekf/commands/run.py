@@ -137,7 +137,7 @@ def run_and_report(
     Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
     if a part of what it was to leave could not be written; 5 if the run ended in SAFE, or because another wheel came.
     """
-    from rw_ekf.commands.run_process import claimed, reported, watched_by
+    from rw_ekf.commands.run_process import claimed, reported, warn_of_safe, watched_by
 
     with claimed(configuration.wheel.port, heartbeat) as at:
         if at is None:
@@ -148,7 +148,7 @@ def run_and_report(
         from rw_ekf.console import logger
         from rw_ekf.json_output import print_json
         from rw_ekf.live.daemon import Task, run_daemon
-        from rw_ekf.live.published_state import crashed_in_safe, was_in_safe
+        from rw_ekf.live.published_state import crashed_in_safe
         from rw_ekf.sinks.run_files import state_path
 
         protocol = checked_protocol(configuration)
@@ -156,8 +156,8 @@ def run_and_report(
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
         before = state_path(configuration)
         begin_safe = crashed_in_safe(before) if keep_safe else None
-        if begin_safe is None and (reason := was_in_safe(before)) is not None:
-            log.warning("last_run_in_safe", reason=reason, do="this run begins anew: is what brought it there mended?")
+        if begin_safe is None:
+            warn_of_safe(before, log)
         outcome = run_daemon(
             Task(configuration, protocol, given, args.duration, None if planned is None else planned.commander),
             log,

@@ -23,7 +23,7 @@ def run_bus(
     keep_safe: bool = False,
 ) -> int:
     """Run the daemon of all wheels and print what each came to; as `run_and_report` for one."""
-    from rw_ekf.commands.run_process import claimed, reported, watched_by
+    from rw_ekf.commands.run_process import claimed, reported, warn_of_safe, watched_by
 
     with claimed(configurations[0].wheel.port, heartbeat) as at:
         if at is None:
@@ -33,7 +33,7 @@ def run_bus(
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.console import logger
         from rw_ekf.live.bus import Bus, BusWheel
-        from rw_ekf.live.published_state import safe_before, was_in_safe
+        from rw_ekf.live.published_state import safe_before
         from rw_ekf.sinks.run_files import state_path
 
         log = logger(args.log_format)
@@ -41,9 +41,8 @@ def run_bus(
         paths = [state_path(configuration) for configuration in configurations]
         before = safe_before(paths) if keep_safe else [None] * len(paths)
         for configuration, path, safe in zip(configurations, paths, before, strict=True):
-            if safe is None and (reason := was_in_safe(path)) is not None:
-                do = "this run begins anew: is what brought it there mended?"
-                log.warning("last_run_in_safe", wheel=configuration.wheel.name, reason=reason, do=do)
+            if safe is None:
+                warn_of_safe(path, log.bind(wheel=configuration.wheel.name))
         wheels = [
             BusWheel(
                 configuration,

@@ -19,6 +19,7 @@ from rw_ekf.live.stop_word import REPORTED_TO_STOP, stop_requested
 
 if TYPE_CHECKING:
     import argparse
+    from pathlib import Path
 
     from rw_ekf.live.oversight import Heartbeat, Oversight
     from rw_ekf.settings.schema import Configuration
@@ -91,6 +92,15 @@ def watched_by(heartbeat: Heartbeat | None, at: Claimed, log: Any, begin_safe: s
         heartbeat.on_orphaned(at.stop, log)
     watchdogs = (heartbeat, systemd_of(os.environ, at.clock))
     return Oversight(tuple(watchdog for watchdog in watchdogs if watchdog is not None), begin_safe)
+
+
+def warn_of_safe(state_file: Path, log: Any) -> None:
+    """Say of a run that begins anew that the one before, which left this file, was over in SAFE, if it was."""
+    from rw_ekf.live.published_state import was_in_safe
+
+    reason = was_in_safe(state_file)
+    if reason is not None:
+        log.warning("last_run_in_safe", reason=reason, do="this run begins anew: is what brought it there mended?")
 
 
 def reported(say: Callable[[], None], log: Any) -> None:

@@ -108,7 +108,7 @@ def _checksum(document: Mapping[str, Any]) -> str:
 
 def has_learned(before: Float64Array, after: Float64Array) -> bool:
     """Whether the four parameters, covariances (4, 4), are known better after than before."""
-    return _gained(before, after) >= _LEARNED
+    return 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]) >= _LEARNED
 
 
 def may_replace(standing: Float64Array, new: Float64Array, prior: Float64Array) -> bool:
@@ -129,8 +129,3 @@ def may_replace(standing: Float64Array, new: Float64Array, prior: Float64Array) 
         return False
     volume = float(np.linalg.slogdet(standing / scale)[1])
     return 0.5 * (float(np.sum(np.log(information))) + volume) >= -_WORSE
-
-
-def _gained(before: Float64Array, after: Float64Array) -> float:
-    """By how much the volume of one sigma has shrunk [nats]."""
-    return 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])

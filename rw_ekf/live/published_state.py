@@ -100,10 +100,8 @@ def read_published(path: Path) -> Published | None:
 
 def crashed_in_safe(path: Path) -> str | None:
     """Why the run that left a state file was in SAFE when it died without an end in order; None where it was not."""
-    found = read_published(path)
-    if found is None or found.alive or found.run_state != RunState.SAFE or found.document.get("ended_utc") is not None:
-        return None
-    return str(found.document.get("reason"))
+    found = _over_in_safe(path)
+    return None if found is None or found.get("ended_utc") is not None else str(found.get("reason"))
 
 
 def was_in_safe(path: Path) -> str | None:
@@ -111,12 +109,17 @@ def was_in_safe(path: Path) -> str | None:
 
     A run that begins anew drives the wheel, for somebody started it; what brought that one there may be there still.
     """
-    found = read_published(path)
-    if found is None or found.alive or found.run_state != RunState.SAFE:
+    found = _over_in_safe(path)
+    if found is None:
         return None
-    ended = found.document.get("ended_utc")
-    over = f"died, last heard of at {found.document.get('utc')}" if ended is None else f"ended at {ended}"
-    return f"the run before {over} in SAFE: {found.document.get('reason')}"
+    ended = found.get("ended_utc")
+    over = f"died, last heard of at {found.get('utc')}" if ended is None else f"ended at {ended}"
+    return f"the run before {over} in SAFE: {found.get('reason')}"
+
+
+def _over_in_safe(path: Path) -> dict[str, Any] | None:
+    found = read_published(path)
+    return None if found is None or found.alive or found.run_state != RunState.SAFE else found.document
 
 
 def safe_before(paths: Sequence[Path]) -> list[str | None]:

@@ -8,10 +8,9 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import plus_minus
-from rw_ekf.second_record import DISAGREE_P, MOVED, apart
+from rw_ekf.second_record import MOVED, contradict
 from rw_ekf.wheel.model_file import WheelModel
 
 
@@ -26,11 +25,9 @@ def sentence_since_model(found: Found, model: WheelModel) -> str:
     here, known = slice(0, PARAMETER_COUNT), np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
     now, own = np.array(found.fit.model.parameters), found.fit.likelihood.covariance[here, here]
     off = now - np.array(model.parameters)
+    if not contradict(off, own + known):
+        return ""
     size = np.sqrt(np.diag(own + known))
-    if not np.all(size > 0.0):
-        return ""
-    if not chi_square_tail(apart(off, own + known), PARAMETER_COUNT) < DISAGREE_P:
-        return ""
     moved = [_moved(i, now, own, model) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
     which = ", ".join(moved) if moved else "all four parameters together"
     return f"The wheel has changed since the model given was made, or is another: {which}. "
