@@ -68,7 +68,7 @@ def design_motion(
     seen = list(filter(None, map(look, starts)))
     if not seen:
         return None
-    alike = _alike(np.max([item.pairs[:, :, -1] for item in seen], axis=0))
+    alike = _alike(np.stack([item.pairs[:, :, -1] for item in seen]).max(axis=0))
     found = sorted((replace(item, alike=alike) for item in seen), key=lambda item: -item.merit)[:_KEPT]
     for turn in range(looked_at - len(starts)):
         parent = found[min(int(draws.exponential(2.0)), len(found) - 1)]

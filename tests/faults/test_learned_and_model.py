@@ -54,7 +54,7 @@ def ran_well(ran: Ran) -> bool:
         outcome.zero_confirmed
         and not outcome.unwritten
         and outcome.state.state.value == "TRACKING"
-        and abs(ran.log.current_A).max() > 0.05
+        and bool(abs(ran.log.current_A).max() > 0.05)
     )
 
 

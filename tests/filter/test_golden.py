@@ -24,7 +24,7 @@ def rough_log(profile: str, seed: int, law: str, samples: int = 900) -> Columns:
     rng = np.random.default_rng(seed)
     run = run_of(profile, seed, law=law)
     time_s, speed, current = (v[:samples].copy() for v in (run.time_s, run.reading_rad_s, run.current_A))
-    delay = rng.choice([0.0, 0.012, 0.05, 0.1, 0.13, 0.31], samples, p=[0.2, 0.4, 0.2, 0.1, 0.05, 0.05])
+    delay = rng.choice(np.array([0.0, 0.012, 0.05, 0.1, 0.13, 0.31]), samples, p=[0.2, 0.4, 0.2, 0.1, 0.05, 0.05])
     segment = np.zeros(samples, np.int64)
     speed[:2] = np.nan
     speed[rng.choice(samples, samples // 20, replace=False)] = np.nan

@@ -169,7 +169,7 @@ def test_what_has_to_be_seen_as_a_whole_is(tmp_path: Path, columns: ColumnMap) -
 
 def foreign() -> dict[str, Float64Array]:
     """A table of somebody else's names, that says of each column what it is."""
-    at = np.arange(ROWS)
+    at = np.arange(ROWS, dtype=np.float64)
     rng = np.random.default_rng(4)
     return {
         "t_ms": 100.0 * at,
