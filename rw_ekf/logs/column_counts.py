@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.column_clock import rate_in
 from rw_ekf.logs.column_records import Column
-from rw_ekf.logs.column_time import rate_in
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import is_even, usual_step

@@ -59,24 +59,38 @@ def find_drive(columns: list[Column], speed: Column | None, reported: Answers, g
     """Choose what drives the wheel: what was answered, else currents, else what stands for one, else nothing did."""
     given = reported.of("current_A", "current_command_A")
     if given is not None:
-        name, number = given
-        if number is None:
-            guess.take(name, {"constant": 0.0}, "as it was set: no current")
-            if speed is not None and (rise := _speeds_up(speed.values)) is not None:
-                guess.notes.append(
-                    f"{speed.shown} goes from {rise[0]:.4g} to {rise[1]:.4g}: something drives the wheel, and a model "
-                    "that is driven by nothing will not explain it"
-                )
-        else:
-            _take_current(next(c for c in columns if c.number == number), name, reported, guess)
+        _take_answered(given, columns, speed, reported, guess)
         return
-    wanted = len(guess.questions)
     spoilt = next((c for c in columns if c.role in ("current", "current_set") and c.spoilt), None)
     if spoilt is not None and not any(c.role == spoilt.role and c.moves and c.rank >= spoilt.rank for c in columns):
         guess.ask("current_A", f"{spoilt.shown} {spoilt.spoilt}; or --set current=COLUMN.")
         return
-    if _find_currents(columns, reported, guess) or len(guess.questions) > wanted:
+    asked = len(guess.questions)
+    if _find_currents(columns, reported, guess) or len(guess.questions) > asked:
         return
+    if not _find_stand_in(columns, reported, guess):
+        _without_drive(columns, speed, guess)
+
+
+def _take_answered(
+    given: tuple[str, int | None], columns: list[Column], speed: Column | None, reported: Answers, guess: Guess
+) -> None:
+    """Add the column that was answered, or no current."""
+    name, number = given
+    if number is not None:
+        _take_current(next(c for c in columns if c.number == number), name, reported, guess)
+        return
+    guess.take(name, {"constant": 0.0}, "as it was set: no current")
+    if speed is not None and (rise := _speeds_up(speed.values)) is not None:
+        guess.notes.append(
+            f"{speed.shown} goes from {rise[0]:.4g} to {rise[1]:.4g}: something drives the wheel, and a model "
+            "that is driven by nothing will not explain it"
+        )
+
+
+def _find_stand_in(columns: list[Column], reported: Answers, guess: Guess) -> bool:
+    """Add what stands for a current, or ask about it; whether there is anything."""
+    asked = len(guess.questions)
     for role, note in _DRIVES:
         column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess, _in_its_unit)
         if column is not None and (text := _no_drive(column, role)):
@@ -88,30 +102,31 @@ def find_drive(columns: list[Column], speed: Column | None, reported: Answers, g
         elif column is not None:
             guess.take("current_A", reported.with_more("current_A", column.entry(column.unit)), note)
             guess.notes.append(f"{column.shown}: {note}")
-        if column is not None or len(guess.questions) > wanted:
-            return
+        if column is not None or len(guess.questions) > asked:
+            return True
+    return False
+
+
+def _without_drive(columns: list[Column], speed: Column | None, guess: Guess) -> None:
+    """Where no column is a drive: ask about what comes near; nothing drove a wheel that only slows down."""
     term = next((c for c in columns if c.role == "term" and c.moves), None)
+    held = next((c for c in columns if c.role in _MAY_DRIVE and np.nanmax(np.abs(c.values), initial=0.0) > 0.0), None)
     if term is not None:
         text = (
             f"{term.shown} seems to be what a controller has integrated: is it the current? Else --set current=COLUMN."
         )
         guess.ask("current_A", text, *(Line("current_A", term.entry(unit), "") for unit in ("mA", "A")), _FREE)
-        return
-    held = [c for c in columns if c.role in _MAY_DRIVE and np.nanmax(np.abs(c.values), initial=0.0) > 0.0]
-    if held and not held[0].stated.has("supply", "bus"):
-        text = f"{held[0].shown} never changes: did it drive the wheel all the time?"
-        guess.ask("current_A", text, Line("current_A", held[0].entry(held[0].unit), ""), _FREE)
-        return
-    if speed is not None and _coasts(speed.values):
-        other = next((c for c in columns if c.moves and c.role in _UNKNOWN and c.stated.any_of(*_DRIVEN)), None)
-        if other is None:
-            guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
-        else:
-            share = Line("current_A", other.entry(), "a share of the full drive")
-            guess.ask("current_A", f"the speed only falls, but {other.shown} moves: does it drive it?", share, _FREE)
-        return
-    text = "no column is known to be the current: --set current=COLUMN, or --set current=none."
-    guess.ask("current_A", text, _FREE)
+    elif held is not None and not held.stated.has("supply", "bus"):
+        text = f"{held.shown} never changes: did it drive the wheel all the time?"
+        guess.ask("current_A", text, Line("current_A", held.entry(held.unit), ""), _FREE)
+    elif speed is None or not _coasts(speed.values):
+        text = "no column is known to be the current: --set current=COLUMN, or --set current=none."
+        guess.ask("current_A", text, _FREE)
+    elif other := next((c for c in columns if c.moves and c.role in _UNKNOWN and c.stated.any_of(*_DRIVEN)), None):
+        share = Line("current_A", other.entry(), "a share of the full drive")
+        guess.ask("current_A", f"the speed only falls, but {other.shown} moves: does it drive it?", share, _FREE)
+    else:
+        guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
 
 
 def _no_drive(column: Column, role: Role) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,88 +22,128 @@ _ANGLES = ("angle", "angolo", "angulo", "drehwinkel", "mechangle", "phi", "rotor
 _INERTIAL = ("gyro", "gyrox", "gyroy", "gyroz", "gx", "gy", "gz", "imu")  # which turn with what carries the wheel
 _FAR, _OFTEN = 0.4, 0.95  # of a turn between rows, which is no longer sure to be the shorter way; in how many rows
 _APART, _LEAST = 0.05, 1.0e-300  # of its square: so much of a speed is no multiple of another that turns with it
+_NAMES = ("speed_rad_s", "speed_rpm")
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
+
+
+@dataclass(frozen=True, eq=False)
+class _Offered:
+    """What may be the speed; are_angles: none is a speed, but an angle of which it is the rate."""
+
+    speeds: list[Column]
+    angles: list[Column]
+    is_given: bool
+
+    @property
+    def are_angles(self) -> bool:
+        return bool(self.angles) and not self.speeds
 
 
 def find_speed(
     table: RawTable, columns: list[Column], time_s: Float64Array | None, reported: Answers, guess: Guess
 ) -> Column | None:
     """Choose the speed, or the angle of which it is the rate."""
-    given = reported.of("speed_rad_s", "speed_rpm")
+    offered = _offered(columns, reported)
+    column = _choice(table, columns, offered, guess)
+    if column is None:
+        return None
+    sign = _direction(columns, column)
+    if not reported.unit(*_NAMES) and (column.unit == "" or offered.are_angles) and is_since_last(column):
+        _take_counts(table, column, time_s, sign, reported, guess)
+    elif offered.are_angles:
+        _take_rate_of_angle(table, column, reported, guess)
+    else:
+        _take_speed(table, column, offered.angles, time_s, sign, reported, guess)
+    return column
+
+
+def _offered(columns: list[Column], reported: Answers) -> _Offered:
+    """What may be the speed: the column that was answered, else those that are one by their names."""
+    given = reported.of(*_NAMES)
     speeds = [c for c in columns if c.role == "speed" and c.moves]
     angles = [c for c in columns if c.role == "angle" and c.moves]
-    if given is not None and given[1] is not None:
-        speeds = [c for c in columns if c.number == given[1]]
-        known = unit_of(reported.unit("speed_rad_s", "speed_rpm"))
-        if speeds[0].role == "angle" and (known is None or known.quantity in ("angle", "length")):
-            angles, speeds = speeds, []
-    else:
-        speeds = [c for c in speeds if c.stated.has("machine") or not c.stated.any_of(*_INERTIAL)]
-    candidates, what = (angles, "angle") if angles and not speeds else (speeds, "speed")
-    wanted = len(guess.questions)
-    if what == "angle" and given is None and (spoilt := next((c for c in columns if _is_spoilt(c, table)), None)):
-        gaps = table.rows - int(np.isfinite(spoilt.values).sum())
-        text = f"{spoilt.shown} is no number in {gaps} of {table.rows} rows: is the speed another's rate?"
-        guess.ask("speed_rad_s", f"{text} --set speed=COLUMN.", *filter(None, map(_known_line, angles)))
+    if given is None or given[1] is None:
+        own = [c for c in speeds if c.stated.has("machine") or not c.stated.any_of(*_INERTIAL)]
+        return _Offered(own, angles, given is not None)
+    answered = [c for c in columns if c.number == given[1]]
+    known = unit_of(reported.unit(*_NAMES))
+    if answered[0].role == "angle" and (known is None or known.quantity in ("angle", "length")):
+        return _Offered([], answered, True)
+    return _Offered(answered, angles, True)
+
+
+def _choice(table: RawTable, columns: list[Column], offered: _Offered, guess: Guess) -> Column | None:
+    """The best of what is offered; None, and a question, where that is in doubt."""
+    what = "angle" if offered.are_angles else "speed"
+    candidates = offered.angles if offered.are_angles else offered.speeds
+    bad = next((c for c in columns if _is_spoilt(c, table)), None)
+    if bad is not None and offered.are_angles and not offered.is_given:
+        gaps = table.rows - int(np.isfinite(bad.values).sum())
+        text = f"{bad.shown} is no number in {gaps} of {table.rows} rows: is the speed another's rate?"
+        guess.ask("speed_rad_s", f"{text} --set speed=COLUMN.", *filter(None, map(_known_line, offered.angles)))
         return None
     still = next((c for c in columns if c.role == "speed" and not c.moves and not c.stated.has("linear")), None)
-    if still is not None and all(c.stated.has("linear") for c in speeds):  # gyros, or the vehicle's speed over ground
-        candidates = [] if what == "speed" else candidates
+    if still is not None and not offered.are_angles and all(c.stated.has("linear") for c in offered.speeds):
+        candidates = []  # gyros, or the vehicle's speed over ground
+    asked = len(guess.questions)
     column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess, _known_line)
-    other = next((c for c in speeds if _is_electrical(c)), None) if given is None and what == "speed" else None
-    if column is not None and other is not None and not _is_electrical(column) and not _go_together(column, other):
+    if not offered.is_given and (doubt := _doubt(column, columns, offered)):
+        guess.ask("speed_rad_s", *doubt)
+        return None
+    if column is None and len(guess.questions) == asked:
+        why = "" if still is None else f"{still.shown} never changes, and "
+        if not any(c.moves for c in columns):
+            why = "no column beside the time has numbers that change, as messages and events have none; "
+        guess.ask("speed_rad_s", f"{why}no column is known to be the speed: --set speed=COLUMN.")
+    return column
+
+
+def _doubt(column: Column | None, columns: list[Column], offered: _Offered) -> tuple[str, *tuple[Line, ...]] | None:
+    """Why what was chosen may not be the speed of the wheel, and what else could be written; None where nothing is."""
+    other = next((c for c in offered.speeds if _is_electrical(c)), None)
+    if column and other and not _is_electrical(column) and not _go_together(column, other):
         text = f"{column.shown} and {other.shown} do not turn together: which of them is the speed of the wheel?"
-        guess.ask("speed_rad_s", f"{text} --set speed=COLUMN.", *filter(None, [_known_line(column)]))
-        return None
-    spoilt = next((c for c in columns if c.role == "speed" and c.spoilt), None) if given is None else None
+        return f"{text} --set speed=COLUMN.", *filter(None, [_known_line(column)])
+    spoilt = next((c for c in columns if c.role == "speed" and c.spoilt), None)
     if spoilt is not None and (column is None or column.role == "angle" or spoilt.rank > column.rank):
-        guess.ask("speed_rad_s", f"{spoilt.shown} {spoilt.spoilt}; or --set speed=COLUMN.")
-        return None
-    if column is None:
-        if len(guess.questions) == wanted:
-            why = "" if still is None else f"{still.shown} never changes, and "
-            if not any(c.moves for c in columns):
-                why = "no column beside the time has numbers that change, as messages and events have none; "
-            guess.ask("speed_rad_s", f"{why}no column is known to be the speed: --set speed=COLUMN.")
-        return None
-    reported_unit, sign = reported.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
-    if not reported_unit and (column.unit == "" or what == "angle") and is_since_last(column):
-        per = per_turn(table, column) or reported.more.get("speed_rad_s", {}).get("counts_per_turn")
-        line, text = _counts_line(column, per, interval_of(table, column, time_s), sign, reported)
-        if text:
-            guess.ask("speed_rad_s", f"{column.shown} counts from row to row: {text}", line)
-        else:
-            guess.lines.append(line)
-        return column
-    if what == "angle":
-        return _rate_of_angle(table, column, reported, guess)
-    reported_unit = reported_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
-    unit, why = _speed_unit(column, angles, time_s, reported_unit)
-    assumed = unit is not None and not (
-        reported_unit or (column.unit and not column.by_habit) or _unit_in_words(column)
-    )
+        return (f"{spoilt.shown} {spoilt.spoilt}; or --set speed=COLUMN.",)
+    return None
+
+
+def _take_speed(
+    table: RawTable,
+    column: Column,
+    angles: list[Column],
+    time_s: Float64Array | None,
+    sign: Column | None,
+    reported: Answers,
+    guess: Guess,
+) -> None:
+    """Add the speed with its unit, or ask for what of the unit is open."""
+    given = reported.of(*_NAMES)
+    answered = reported.unit(*_NAMES) or ("rpm" if given and given[0] == "speed_rpm" else "")
+    unit, why = _speed_unit(column, angles, time_s, answered)
+    assumed = not (answered or (column.unit and not column.by_habit) or _unit_in_words(column))
     if unit is None:
         text = f"{column.shown} {without_unit(column)}, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
-        guess.ask(
-            "speed_rad_s", text, *(_speed_line(column, unit, "", sign, reported) for unit in ("rpm", "rad/s", "deg/s"))
-        )
-        return column
+        lines = (_speed_line(column, each, "", sign, reported) for each in ("rpm", "rad/s", "deg/s"))
+        guess.ask("speed_rad_s", text, *lines)
+        return
     known, more = unit_of(unit), {}
     if known is not None and known.quantity not in OF_COLUMN["speed_rad_s"]:
         text = f"{column.shown} is in {unit}: how fast is one? --set speed.unit=rpm --set speed.scale=RPM_OF_ONE."
         guess.ask("speed_rad_s", text)
-        return column
+        return
     if known is not None and known.per and known.per not in reported.more.get("speed_rad_s", {}):
         per = (per_turn if known.per == "counts_per_turn" else pole_pairs)(table, column)
         if per is None:
             text = f"{column.shown} is in {unit}: how many {known.per.replace('_', ' ')}? --set speed.{known.per}=N."
             guess.ask("speed_rad_s", text, _speed_line(column, unit, "", sign, reported))
-            return column
+            return
         more = {known.per: per}
     if known is not None and known.quantity == "linear_speed":
         guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
     guess.lines.append(replace(_speed_line(column, unit, why, sign, reported, **more), assumed=assumed))
-    return column
 
 
 def _is_electrical(column: Column) -> bool:
@@ -221,22 +261,35 @@ def rad_of_one(column: Column, angle: Column, time_s: Float64Array | None) -> fl
     return float(np.median(change[sure] / mean[sure])) * of_angle.factor
 
 
-def _counts_line(
-    column: Column, per: object, interval_s: float | None, sign: Column | None, reported: Answers
-) -> tuple[Line, str]:
-    """The line of a column that has, in each row, an encoder's counts since the row before; and what is open of it."""
+def _take_counts(
+    table: RawTable,
+    column: Column,
+    time_s: Float64Array | None,
+    sign: Column | None,
+    reported: Answers,
+    guess: Guess,
+) -> None:
+    """Add a column that has, in each row, an encoder's counts since the row before; ask for what is open of it."""
+    per = per_turn(table, column) or reported.more.get("speed_rad_s", {}).get("counts_per_turn")
+    interval_s = interval_of(table, column, time_s)
     scale = None if interval_s is None else float(f"{1.0 / interval_s:.9g}")
     why = "counts from row to row"
     line = _speed_line(column, "counts/s", why, sign, reported, counts_per_turn=per or 4096, scale=scale)
+    open_of_it = ""
     if not per:
-        return line, "how many to a turn? --set speed.counts_per_turn=N."
-    if "scale" not in line.entry:
-        return line, "over how long? --set speed.scale=INTERVALS-A-SECOND."
-    return line, "" if column.is_whole else "its numbers are not whole: what are they?"
+        open_of_it = "how many to a turn? --set speed.counts_per_turn=N."
+    elif "scale" not in line.entry:
+        open_of_it = "over how long? --set speed.scale=INTERVALS-A-SECOND."
+    elif not column.is_whole:
+        open_of_it = "its numbers are not whole: what are they?"
+    if open_of_it:
+        guess.ask("speed_rad_s", f"{column.shown} counts from row to row: {open_of_it}", line)
+    else:
+        guess.lines.append(line)
 
 
-def _rate_of_angle(table: RawTable, column: Column, reported: Answers, guess: Guess) -> Column:
-    """The speed as the rate of an angle."""
+def _take_rate_of_angle(table: RawTable, column: Column, reported: Answers, guess: Guess) -> None:
+    """Add the speed as the rate of an angle, or ask for what is open of it."""
     unit = column.unit or reported.unit("angle_rad", "speed_rad_s")
     more = reported.more.get("speed_rad_s", {})
     stated = more.get("counts_per_turn") or per_turn(table, column)
@@ -252,7 +305,7 @@ def _rate_of_angle(table: RawTable, column: Column, reported: Answers, guess: Gu
         if per is None:
             text = f"{column.shown} is in {unit}: how many to a turn? --set speed.counts_per_turn=N."
             guess.ask("speed_rad_s", text, Line("speed_rad_s", entry, ""))
-            return column
+            return
     elif known is not None:
         entry["unit"] = unit
     elif turn is not None:
@@ -267,15 +320,14 @@ def _rate_of_angle(table: RawTable, column: Column, reported: Answers, guess: Gu
         text = f"{column.shown} is an angle without a unit: rad, deg, turns or counts?"
         answers = (Line("speed_rad_s", entry | {"unit": unit}, "") for unit in ("rad", "deg", "turns"))
         guess.ask("speed_rad_s", text, *answers)
-        return column
+        return
     if turn is not None and not reported.has("speed_rad_s") and _goes_too_far(column.values, turn):
         text = f"{column.shown} goes nearly half a turn and more from row to row: which way, and how often around?"
         guess.ask("speed_rad_s", text, Line("speed_rad_s", entry, ""))
-        return column
+        return
     why = f"there is no speed: it is the rate of {column.shown}"
     why += f", which begins anew after {turn:.6g}" if turn is not None else ""
     guess.take("speed_rad_s", entry | {key: value for key, value in more.items() if key != "unit"}, why)
-    return column
 
 
 def _turn_of(column: Column, counts: object = None) -> float | None:

@@ -6,6 +6,7 @@ import itertools
 import re
 from collections import Counter
 from dataclasses import replace
+from typing import NamedTuple
 
 from rw_ekf.logs.channel_blocks import called_by_number, channels_above
 from rw_ekf.logs.column_names import role_of, stated_by
@@ -46,6 +47,14 @@ _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*|^C(?=\s{2})\s*")  # the last
 _SETTING = re.compile(r"=|\d\.\d|\d[DE][+-]?\d|\b\d{3,}\b", re.IGNORECASE)  # no name: an inertia above the columns
 
 
+class _Header(NamedTuple):
+    """Names and units of the columns, empty where none are found, and how many of the lines above the rows precede."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    at: int
+
+
 def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     before = _with_their_labels(["" if _RULE.fullmatch(line) else line for line in before], layout)
@@ -53,75 +62,86 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     channels, used = channels_above(before[skip_rows:], layout.width)
     before = ["" if at - skip_rows in used else line for at, line in enumerate(before)]
     described = _described(before[skip_rows:], layout)
-    keyed = "units" in described
     above = [
-        (i, line)
-        for i, line in enumerate(before)
-        if i >= skip_rows and _COMMENT.sub("", line).strip() and not (keyed and _keyed(layout.filled(line)))
+        line
+        for line in before[skip_rows:]
+        if _COMMENT.sub("", line).strip() and not ("units" in described and _keyed(layout.filled(line)))
     ]
     above, devices = _without_devices(above, layout)
-    levels = _by_level([line for _, line in above], layout)
-    while levels is None and len(above) > 1 and _is_mark(above[-1][1], layout):
+    levels = _by_level(above, layout)
+    while levels is None and len(above) > 1 and _is_mark(above[-1], layout):
         above.pop()
     above, prose = (above, ()) if levels else _without_remarks(above, layout)
-    prose = prose or devices
-    units: tuple[str, ...] = ()
-    names: tuple[str, ...] = ()
-    taken = len(above)
-    if above and (cells := _header_cells(above[-1][1], layout)) and are_units(cells) and len(above) > 1:
-        units = tuple(cells)
-        taken -= 1
-    if (
-        taken
-        and (cells := _header_cells(above[taken - 1][1], layout))
-        and _are_names(cells, layout, above[taken - 1][1])
-    ):
-        names = (RECEIVED if is_stamp(cells[0]) else cells[0], *cells[1:])  # a terminal stamps the names too
-        if is_comment(above[taken - 1][1], layout) and len(names) == layout.width + 1 and not _roles([names[0]]):
-            names = names[1:]  # `#COLS,t_us,rpm`: what the comment is
-        taken -= 1
-    marks = [layout.delimiter in line for _, line in above[taken : taken + 2]]
-    uncut = marks == [False, True] and layout.delimiter != BLANKS and _roles([*units]) > 1
-    if (uncut and names and not _roles([*names])) or 0 < len(names) < len(
-        units
-    ):  # a prompt or a title: the names are units themselves
-        names, units, taken = units, (), taken + 1
-    if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
-        names, units = described["names"], described.get("units", units)
-    if units and not names:
-        names, units = units, ()
-    columned = _by_position(before[skip_rows:], rows, layout)
-    if columned is not None:
-        names, units = columned
-        taken = max(0, len(above) - 1)
-    if levels is not None:
-        names, units, count = levels
-        taken = len(above) - count
     if channels:
         names, units = tuple(channel.name for channel in channels), tuple(channel.unit for channel in channels)
         layout = replace(layout, factors=tuple(Factor(channel.factor, channel.offset) for channel in channels))
-        taken = len(above)
-    names = called_by_number(names, before)
-    if described and not units:
-        units = described.get("units", ())
-    remarks = described.get("remarks", prose)
-    if described and names != described.get("names"):
-        remarks = remarks or described.get("names", ())
-    groups = layout.cells(above[taken - 1][1]) if names and taken and "=" not in above[taken - 1][1] else []
-    exact = layout.delimiter == CELL
-    if not remarks and (exact or len(groups) == len(names)) and not any(map(layout.is_value, groups)):
-        remarks = held_to_the_right(groups)
-        names = named_by_device(names, remarks)
-    preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
+        header = _Header(names, units, len(above))
+    elif levels is not None:
+        header = levels
+    elif columned := _by_position(before[skip_rows:], rows, layout):
+        header = _Header(*columned, max(0, len(above) - 1))
+    else:
+        header = _in_last_lines(above, layout, described)
+    names, units = called_by_number(header.names, before), header.units or described.get("units", ())
+    line = above[header.at - 1] if names and header.at else ""
+    names, remarks = _with_remarks(names, line, described, prose or devices, layout)
+    preamble = tuple(filter(str.strip, before))[: header.at + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
+    return _cut_to_rows(names, units, rows, replace(layout, preamble=preamble, remarks=remarks))
+
+
+def _in_last_lines(above: list[str], layout: TextLayout, described: dict[str, tuple[str, ...]]) -> _Header:
+    """The header in the last lines above the rows, of names and units or of one of them, or in rows with a key."""
+    units: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    at = len(above)
+    if len(above) > 1 and are_units(cells := _header_cells(above[-1], layout)):
+        units = tuple(cells)
+        at -= 1
+    if at and _are_names(cells := _header_cells(above[at - 1], layout), layout, above[at - 1]):
+        names = (RECEIVED if is_stamp(cells[0]) else cells[0], *cells[1:])  # a terminal stamps the names too
+        if is_comment(above[at - 1], layout) and len(names) == layout.width + 1 and not _roles([names[0]]):
+            names = names[1:]  # `#COLS,t_us,rpm`: what the comment is
+        at -= 1
+    marks = [layout.delimiter in line for line in above[at : at + 2]]
+    uncut = marks == [False, True] and layout.delimiter != BLANKS and _roles([*units]) > 1
+    if (uncut and names and not _roles([*names])) or 0 < len(names) < len(
+        units
+    ):  # a prompt or a title: the units are the names
+        names, units, at = units, (), at + 1
+    if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
+        names, units = described["names"], described.get("units", units)
+    return _Header(names, units, at) if names else _Header(units, (), at)
+
+
+def _with_remarks(
+    names: tuple[str, ...],
+    line: str,
+    described: dict[str, tuple[str, ...]],
+    prose: tuple[str, ...],
+    layout: TextLayout,
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names, and what the file says of each column besides; line: the one above the names, which may group them."""
+    remarks = described.get("remarks", prose)
+    if names != described.get("names"):
+        remarks = remarks or described.get("names", ())
+    groups = layout.cells(line) if line and "=" not in line else []
+    whole = layout.delimiter == CELL or len(groups) == len(names)
+    if remarks or not whole or any(map(layout.is_value, groups)):
+        return names, remarks
+    remarks = held_to_the_right(groups)
+    return named_by_device(names, remarks), remarks
+
+
+def _cut_to_rows(names: tuple[str, ...], units: tuple[str, ...], rows: list[str], layout: TextLayout) -> TextLayout:
+    """Add names, as many as a row has cells; a doubt where they are more or fewer."""
+    exact = layout.delimiter == CELL
     ragged = not exact and _shift(names, rows, layout)
     doubts = layout.doubts if exact or ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
     if ragged:
         names, units = ("", *names), ("", *units) if units else ()
     names, units = _fitted(names, layout.width), _fitted(units, layout.width)
-    if units:
-        names = tuple(map(with_unit, names, units))
-    return replace(layout, names=names, preamble=preamble, remarks=remarks, doubts=doubts)
+    return replace(layout, names=tuple(map(with_unit, names, units)) if units else names, doubts=doubts)
 
 
 def _without_settings(before: list[str], layout: TextLayout) -> list[str]:
@@ -196,12 +216,12 @@ def _by_position(
     return (names, tuple(units)) if len(names) > 1 and all(names) else None
 
 
-def _without_devices(above: list[tuple[int, str]], layout: TextLayout) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
+def _without_devices(above: list[str], layout: TextLayout) -> tuple[list[str], tuple[str, ...]]:
     """Lines without those between names and units, or the rows, that say nothing of a column; and what these say.
 
     Devices, registers and types of numbers: of no cell of theirs is known what it is, of names it is.
     """
-    rows = [layout.cells(_COMMENT.sub("", line) if is_comment(line, layout) else line) for _, line in above]
+    rows = [layout.cells(_COMMENT.sub("", line) if is_comment(line, layout) else line) for line in above]
     end = len(rows) - (bool(rows) and are_units(rows[-1]))
     begin = end
     while begin and len(rows[begin - 1]) == layout.width > 1 and not _roles(rows[begin - 1]):
@@ -214,12 +234,12 @@ def _without_devices(above: list[tuple[int, str]], layout: TextLayout) -> tuple[
     )
 
 
-def _without_remarks(above: list[tuple[int, str]], layout: TextLayout) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
+def _without_remarks(above: list[str], layout: TextLayout) -> tuple[list[str], tuple[str, ...]]:
     """Lines up to the units where remarks stand below these, as Origin has them, and the remarks by column.
 
     A row that says of more columns what they are than the one above the units is no remark but the names.
     """
-    rows = [layout.cells(_COMMENT.sub("", line)) for _, line in above[-_MOST_REMARKS - 2 :]]
+    rows = [layout.cells(_COMMENT.sub("", line)) for line in above[-_MOST_REMARKS - 2 :]]
     for below in range(1, len(rows) - 1):
         names, units, *remarks = rows[-below - 2 :]
         whole = all(len(row) == layout.width > 1 for row in (names, units, *remarks))
@@ -241,8 +261,8 @@ def _roles(cells: list[str]) -> int:
     return sum(role_of(stated_by(cell)) != "other" for cell in cells)
 
 
-def _by_level(above: list[str], layout: TextLayout) -> tuple[tuple[str, ...], tuple[str, ...], int] | None:
-    """Names, units and number of lines of a header of several levels (pandas); None where there is none.
+def _by_level(above: list[str], layout: TextLayout) -> _Header | None:
+    """A header of several levels (pandas); None where there is none.
 
     Its last line has the names of the index alone, and the cells above these those of the levels, or nothing.
     """
@@ -265,7 +285,7 @@ def _by_level(above: list[str], layout: TextLayout) -> tuple[tuple[str, ...], tu
     parts[:-1] = [list(held_to_the_right(row)) or row for row in parts[:-1]]  # cells of a sheet that were merged
     names = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*parts, strict=True)]
     of_all = ("",) * first + tuple(units[first:]) if units else ()
-    return ((*index, *names), of_all, len(levels) + 1) if all(names) else None
+    return _Header((*index, *names), of_all, len(above) - len(levels) - 1) if all(names) else None
 
 
 def _keyed(cells: list[str]) -> tuple[str, ...]:
