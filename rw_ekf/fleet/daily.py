@@ -11,6 +11,7 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.result_rows import OK, schema
+from rw_ekf.identify.misread import MISREAD
 from rw_ekf.model.state import PARAMETER_NAMES
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ class WheelDays:
     stds: dict[str, Float64Array]
     temperature_degC: Float64Array
     nis_mean: Float64Array
+    innovation_rpm: Float64Array  # root mean square
+    rejected_share: Float64Array  # of the day's samples
+    misread: BoolArray  # (n,) whether no machine's speed and drive go together as this log's do
     not_noise: BoolArray  # (n,) whether the residual was judged to be none
     alarms: Float64Array  # that the daemon's watch raised; NaN where nothing watched
     counts: dict[str, int]  # over all days
@@ -50,7 +54,7 @@ def read_days(folder: FleetFolder) -> list[WheelDays]:
     if not folder.results.is_dir():
         raise BadInputError(f"{folder.path}: has no results yet: `rw-ekf fleet run` makes them")
     text = pa.schema([("wheel", pa.string()), ("day", pa.string())])
-    names = [name for name in schema().names if name not in ("warnings", "effects")]
+    names = [name for name in schema().names if name != "effects"]
     try:
         data = ds.dataset(
             str(folder.results),
@@ -89,10 +93,21 @@ def _days_of_wheel(wheel: str, rows: pa.Table) -> WheelDays:
         stds={name: _numbers(rows, f"own_std_{name}") for name in PARAMETER_NAMES},
         temperature_degC=_numbers(rows, "temperature_degC"),
         nis_mean=_numbers(rows, "nis_mean"),
+        innovation_rpm=_numbers(rows, "innovation_rms_rpm"),
+        rejected_share=_numbers(rows, "rejected") / np.maximum(_numbers(rows, "samples"), 1.0),
+        misread=_misread(rows),
         not_noise=np.array([value is False for value in rows.column("residual_is_noise").to_pylist()]),
         alarms=_numbers(rows, "alarms"),
         counts={name: int(np.nansum(_numbers(rows, name))) for name in _COUNTS},
     )
+
+
+def _misread(rows: pa.Table) -> BoolArray:
+    """Whether a warning of a day's log says so, (n,)."""
+    from pyarrow import compute
+
+    stated = compute.fill_null(compute.binary_join(rows.column("warnings"), "\n"), "")
+    return np.asarray(compute.match_substring(stated, MISREAD).to_numpy(), dtype=bool)
 
 
 def _numbers(rows: pa.Table, name: str) -> Float64Array:

@@ -187,10 +187,12 @@ def _fleet_log(
     place = folder.relative_to(root).parts
     wheel = _wheel(place, metadata)
     if not wheel:
-        raise LookupError(f"{log}: nothing says whose it is: put it into a folder of the wheel's name, without `=`")
+        raise LookupError(
+            f"{files[0]}: nothing says whose it is: put it into a folder of the wheel's name, without `=`"
+        )
     begins = _begins(place, stem, metadata)
     if begins is None:
-        raise LookupError(f"{log}: nothing says when it began: put the date into its name, as in 2026-01-31.csv")
+        raise LookupError(f"{files[0]}: nothing says when it began: put the date into its name, as in 2026-01-31.csv")
     sums = [_sum_of(root, file, before, stats) for file in files]
     events = beside(log, "events.jsonl")  # what the watch reported, which stands in the results too
     if metadata is not None and events.is_file():

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
-from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course
+from rw_ekf.fleet.course_fit import ANY_WALK, LEAST_BESIDE, CourseFit, Points, fit_course
 from rw_ekf.fleet.daily import WheelDays
 
 DAYS_PER_YEAR = 365.25
@@ -21,6 +21,7 @@ _KNOWS = 0.2  # of its own size: a day that does not know a parameter so well sa
 _MOST = 64  # points of a fit, which takes the cube of them; a year of days in weeks loses nothing of a line
 _BESIDE = 5  # days on either side that say whether one is far off
 _FAR = 6.0  # robust sigmas
+_ALIKE = 0.5  # of the smaller: days beyond the last step differ by no more in how far they are off
 _LEAST_WARMTH_K = 2.0  # between the coldest and the warmest day: else temperature explains nothing
 _ROUNDS = 3  # in which steps are found and their days sought
 _NORMAL_SQUARE = 0.4549  # median of the square of a standard normal number
@@ -32,6 +33,7 @@ class KnownDays:
 
     rows: Int64Array  # (n,) of the wheel's days
     far_off: Int64Array  # rows that were left out
+    far_by: Float64Array  # of each of these, of the size of what is around it
     time_y: Float64Array  # (n,) since the first [years]
     value: Float64Array
     variance: Float64Array
@@ -79,8 +81,8 @@ def known_days(days: WheelDays, parameter: str, reference_degC: float | None) ->
     rows = rows[std[rows] < _KNOWS * np.abs(value[rows])]
     if rows.size < LEAST_POINTS:
         return None
-    far = far_off(value[rows], std[rows])
-    left_out, rows = rows[far], rows[~far]
+    off, far = far_off(value[rows], std[rows])
+    left_out, far_by, rows = rows[far], (off / np.abs(value[rows] - off))[far], rows[~far]
     warmth = _warmth(days.temperature_degC[rows], reference_degC)
     if warmth is not None:
         reported = np.isfinite(warmth)
@@ -88,17 +90,39 @@ def known_days(days: WheelDays, parameter: str, reference_degC: float | None) ->
     if rows.size < LEAST_POINTS or days.time_d[rows[-1]] <= days.time_d[rows[0]]:
         return None
     time_y = (days.time_d[rows] - days.time_d[rows[0]]) / DAYS_PER_YEAR
-    return KnownDays(rows, left_out, time_y, value[rows], std[rows] ** 2, warmth)
+    return KnownDays(rows, left_out, far_by, time_y, value[rows], std[rows] ** 2, warmth)
 
 
-def far_off(value: Float64Array, std: Float64Array) -> BoolArray:
-    """Days that lie far from the median of those around them, as one with a spike does: (n,)."""
+def far_off(value: Float64Array, std: Float64Array) -> tuple[Float64Array, BoolArray]:
+    """By how much each day is off the median of the eleven around it, and whether that is far, as with a spike: (n,).
+
+    At an end the eleven nearest days stand for those around. There a course that falls or rises is followed by a line,
+    and two days or more up to the end that are off alike are no odd ones but what comes behind a step.
+    """
     n = value.size
     if n <= 2 * _BESIDE:
-        return np.zeros(n, dtype=bool)
-    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, _BESIDE, mode="edge"), 11), axis=1)
-    off = np.abs(value - around)
-    return np.asarray(off > _FAR * np.maximum(1.4826 * np.median(off), std))
+        return np.zeros(n), np.zeros(n, dtype=bool)
+    first = np.clip(np.arange(n) - _BESIDE, 0, n - 2 * _BESIDE - 1)
+    around = np.lib.stride_tricks.sliding_window_view(value, 2 * _BESIDE + 1)[first]
+    off = value - np.median(around, axis=1)
+    least = _FAR * np.maximum(1.4826 * np.median(np.abs(off)), std)
+    far = np.abs(off) > least
+    for rows in (np.arange(_BESIDE), np.arange(n - 1, n - 1 - _BESIDE, -1)):
+        inwards = np.arange(2 * _BESIDE + 1) if rows[0] == 0 else np.arange(n - 1, n - 2 * _BESIDE - 2, -1)
+        far[rows] &= np.abs(value[rows] - _robust_line(value[inwards])[:_BESIDE]) > least[rows]
+        run = int(np.argmin(np.append(far[rows] & (np.sign(off[rows]) == np.sign(off[rows[0]])), False)))
+        sizes = np.abs(off[rows[:run]])
+        if run >= LEAST_BESIDE and np.ptp(sizes) < _ALIKE * sizes.min():
+            far[rows[:run]] = False
+    return off, far
+
+
+def _robust_line(value: Float64Array) -> Float64Array:
+    """The line of Theil and Sen through values at equal distances, (n,): the median of all slopes between two."""
+    at = np.arange(value.size)
+    one, other = np.triu_indices(value.size, 1)
+    slope = float(np.median((value[other] - value[one]) / (other - one)))
+    return np.asarray(slope * at + np.median(value - slope * at))
 
 
 def _warmth(temperature_degC: Float64Array, reference_degC: float | None) -> Float64Array | None:
@@ -115,7 +139,8 @@ def _points(known: KnownDays, breaks: Sequence[int]) -> tuple[Points, Int64Array
     share = known.time_y / known.time_y[-1]
     span = np.arange(n) if n <= _MOST else np.minimum((_MOST * share).astype(np.int64), _MOST - 1)
     starts = np.flatnonzero(np.r_[True, np.diff(span) > 0])
-    starts = np.unique(np.r_[starts, np.array(breaks, dtype=np.int64)])
+    ends = np.r_[:_BESIDE, n - _BESIDE : n] if n > _MOST else starts  # a step may lie a day or two from an end
+    starts = np.unique(np.r_[starts, ends, np.array(breaks, dtype=np.int64)])
     scatter = 0.5 * float(np.median(np.diff(known.value) ** 2)) / _NORMAL_SQUARE
     weight = 1.0 / (known.variance + scatter)
     total = np.add.reduceat(weight, starts)

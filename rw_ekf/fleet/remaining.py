@@ -38,6 +38,7 @@ class Remaining:
     years_05: float
     years_50: float
     years_95: float
+    towards: float  # probability that the rate is not away from it
 
 
 def limits_of(texts: Sequence[str]) -> dict[str, Limit]:
@@ -79,4 +80,4 @@ def remaining(fit: CourseFit, limit: float) -> Remaining:
     years = np.where(away & (rng.random(_DRAWS) > arrives), np.inf, years)
     years = np.where(distance <= 0.0, 0.0, years)
     low, middle, high = (float(np.sort(years)[int(share * _DRAWS)]) for share in (0.05, 0.5, 0.95))
-    return Remaining(limit, low, middle, high)
+    return Remaining(limit, low, middle, high, float(np.mean(rate > 0.0)))

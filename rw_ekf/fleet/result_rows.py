@@ -30,6 +30,9 @@ OK, FAILED, NOT_DONE = "ok", "failed: ", "not done: "  # the latter two and why;
 CARRY_KEY, ROWS_KEY = b"rw_ekf.carry", b"rw_ekf.rows"
 _NUMBERS = ("nis_mean", "nis_inside_95", "innovation_rms_rpm", "temperature_degC", "speed_rms_rpm", "current_rms_A")
 _COUNTS = ("samples", "missing", "rejected", "reseeded", "resets")
+# Of a day's readings. A healthy wheel has one in ten thousand beyond the gate, a day with drag spikes one in a hundred;
+# chosen: with a third more or less the same days are named.
+MANY_REJECTED = 0.05
 
 
 @dataclass(frozen=True)
@@ -56,13 +59,15 @@ def row_of_day(name: str, day: DayOfLog, run: Run, start: Starting, seen: tuple[
     entry = run.entry()
     log = day.log
     spikes, alarms = seen or (None, None)
+    # Of what is left when many readings were rejected, nobody can say that it is noise.
+    is_noise = run.consistency.is_noise if statistics.rejected <= MANY_REJECTED * statistics.samples else False
     row: dict[str, Any] = {
         "log": name, "status": OK, "begins_utc": day.begins_utc, "ends_utc": day.ends_utc,
         "duration_s": statistics.duration_s, "samples": statistics.samples, "missing": statistics.missing,
         "rejected": statistics.rejected, "reseeded": statistics.reseeded, "resets": run.resets, "spikes": spikes,
         "alarms": alarms,
         "nis_mean": entry["innovation"]["nis_mean"], "nis_inside_95": entry["innovation"]["nis_inside_95"],
-        "innovation_rms_rpm": entry["innovation"]["rms_rpm"], "residual_is_noise": run.consistency.is_noise,
+        "innovation_rms_rpm": entry["innovation"]["rms_rpm"], "residual_is_noise": is_noise,
         "temperature_degC": _mean(log.channels.get("temperature_degC")),
         "speed_rms_rpm": _rms(log.speed_rad_s) * 30.0 / np.pi, "current_rms_A": _rms(log.current_A),
         "warnings": list(run.warnings),

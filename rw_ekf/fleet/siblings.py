@@ -28,6 +28,7 @@ class Siblings:
     """n wheels beside each other."""
 
     mean: float
+    mean_std: float  # [1 sigma] of the mean, if nothing moves all wheels alike
     spread: float  # [1 sigma], without the estimates' own errors
     shrunk: Float64Array  # (n,) each wheel's number, drawn towards the mean as far as its own error allows
     shrunk_std: Float64Array  # (n,)
@@ -58,4 +59,5 @@ def siblings_of(value: Float64Array, std: Float64Array, floor: float) -> Sibling
     width = float(np.einsum("sab,b->", weights, spread))
     prior = np.where(probability > 0.5, _TIMES**2, 1.0) * width**2
     pulled = prior / (prior + std**2)
-    return Siblings(centre, width, centre + pulled * (value - centre), np.sqrt(pulled) * std, probability)
+    centre_std = float(np.sqrt(np.einsum("sab,a->", weights, (mean - centre) ** 2)))
+    return Siblings(centre, centre_std, width, centre + pulled * (value - centre), np.sqrt(pulled) * std, probability)

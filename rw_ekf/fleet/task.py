@@ -146,7 +146,7 @@ def _filtered(
     given: tuple[Configuration | None, WheelModel | None],
 ) -> LogResult:  # fmt: skip
     """Filter a log, day by day. Raises RwEkfError where it cannot be read or filtered."""
-    from rw_ekf.fleet.between_logs import Carry, first_start, next_start
+    from rw_ekf.fleet.between_logs import Carry, first_start, next_start, with_noise_of
     from rw_ekf.fleet.log_days import days_of_log
     from rw_ekf.fleet.result_rows import LogResult, row_of_day
     from rw_ekf.log_replay import replay_log
@@ -163,6 +163,10 @@ def _filtered(
         else:
             start = next_start(day.log, configuration, carry, day.begins_utc)
         run = replay_log(day.log, setup=start.setup)
+        noisier = None if configuration is not None else with_noise_of(start, day.log, run)
+        if noisier is not None:
+            start = noisier
+            run = replay_log(day.log, setup=start.setup)
         seen = None if watched is None else watched.on(day.day)
         rows.append({"day": day.day, **row_of_day(planned.log.log, day, run, start, seen)})
         # Through its text, as a run that goes on from the file would read it.

@@ -10,7 +10,9 @@ import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.fleet.diagnoses import WindowFinding
+from rw_ekf.fleet.points import LEAST_POINTS
 from rw_ekf.fleet.remaining import Limit
+from rw_ekf.fleet.siblings import LEAST_WHEELS
 from rw_ekf.fleet.trend_findings import concern_of, days_about, finding_kinds, level_day, sentences
 from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend
 from rw_ekf.model.state import STATE_UNITS
@@ -20,6 +22,7 @@ from rw_ekf.result_display import Shown
 SCHEMA = "rw_ekf.fleet_trends/1"
 _BAND = 1.959963984540054  # sigmas of 95 %
 _SHOWN_WHEELS = 20
+_NAMED = 5  # wheels in one sentence
 
 
 @dataclass(eq=False, frozen=True)
@@ -48,6 +51,7 @@ class Trends(Shown):
                     "level": both["level"].mean,
                     "level_spread": both["level"].spread,
                     "rate_per_year": both["rate"].mean,
+                    "rate_std_per_year": both["rate"].mean_std,
                     "rate_spread_per_year": both["rate"].spread,
                 }
                 for name, both in self.found.population.items()
@@ -89,9 +93,31 @@ class Trends(Shown):
             share = 100.0 / abs(level.mean)
             lines.append(
                 f"  all: {name} {plus_minus(level.mean, level.spread)} {STATE_UNITS[name]} (spread), "
-                f"{plus_minus(share * rate.mean, share * rate.spread)} % a year"
+                f"{plus_minus(share * rate.mean, share * rate.mean_std)} % a year (spread {share * rate.spread:.2g})"
             )
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  {text}" for text in self._what_is_not_known())])
+
+    def _what_is_not_known(self) -> list[str]:
+        """What no number above says, and why: days or wheels are too few, a temperature is not taken out."""
+        wheels = self.found.wheels
+        texts = []
+        short = [wheel.days.wheel for wheel in wheels if not wheel.parameters]
+        if short:
+            shown = ", ".join(short[:_NAMED]) + (", ..." if len(short) > _NAMED else "")
+            texts.append(
+                f"no trend, step or limit is known of {len(short)} of {len(wheels)} wheels ({shown}): no parameter is "
+                f"known on {LEAST_POINTS} of their days"
+            )
+        if len(wheels) < LEAST_WHEELS:
+            texts.append(f"no wheel is held against its siblings: {LEAST_WHEELS} are needed, and some ten to be sure")
+        courses = [trend for wheel in wheels for trend in wheel.parameters.values()]
+        cold = sum(trend.fit.per_K is None for trend in courses)
+        if cold:
+            texts.append(
+                f"temperature is taken out of {len(courses) - cold} of {len(courses)} courses: where it is not logged, "
+                "or changes by less than 2 K, a season is in the rates"
+            )
+        return [printable(text) for text in texts]
 
 
 def _order(wheel: WheelTrend) -> tuple[float, float, str]:

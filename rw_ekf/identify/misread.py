@@ -44,6 +44,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
+MISREAD = "the log is misread"  # with which a warning about it begins
 _SLOWEST_S = 5.0  # a row: logs of machines have 1 to 2,000 a second
 _USUAL_PERIOD_S = 0.03
 _HALF_HOUR_S = 1800.0
@@ -98,7 +99,7 @@ def unexplained(motion: Motion) -> tuple[str, ...]:
 
 def warnings_of(misread: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[str]:
     """What a user is told of a log that is filtered or fitted all the same."""
-    return [f"the log is misread, and no number here is a machine's: {text}" for text in misread] or list(wanted)
+    return [f"{MISREAD}, and no number here is a machine's: {text}" for text in misread] or list(wanted)
 
 
 def _held_against(log: WheelLog) -> tuple[Course, WindowSums, Reading, float] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
@@ -286,3 +287,27 @@ def test_the_manifest_says_what_was_done(fleet: Path) -> None:
     assert len({line["model_hash"] for line in lines}) == 1
     assert all(line["rows"] > 5000 and line["seconds"] > 0.0 and line["status"] == "ok" for line in lines)
     assert np.isfinite([line["seconds"] for line in lines]).all()
+
+
+@pytest.mark.parametrize("is_noisy", [lambda day: day >= 2, lambda day: day < 2], ids=["later", "at first"])
+def test_a_day_whose_readings_are_noisier_is_filtered_with_its_own_noise(
+    tmp_path: Path, is_noisy: Callable[[int], bool]
+) -> None:
+    """The readings have five times the noise from a day on, or up to it: none are lost, and every gain holds."""
+    more = {"spikes_per_100_days": 0.0, "ageing_share": 0.0, "failing_share": 0.0}
+    logs = make_fleet(tmp_path / "fleet", wheels=1, days=5, **more)
+    rng = np.random.default_rng(3)
+    for day, path in enumerate(sorted(logs.rglob("*.parquet"))):
+        if is_noisy(day):
+            table = pq.read_table(path)
+            speed = table.column("speed_rad_s").to_numpy()
+            noisier = speed + 5.0 * np.pi / 30.0 * rng.standard_normal(speed.size)
+            pq.write_table(table.set_column(table.column_names.index("speed_rad_s"), "speed_rad_s", [noisier]), path)
+    run_with(InThisProcess(), logs)
+    rows = [row for path in fleet_folder(logs).results.rglob("part-*") for row in pq.read_table(path).to_pylist()]
+    truth = truth_of(FleetShape(1, 5, seed=4, lost_share=0.0, **more), 0).motor_gain
+    assert len(rows) == 5
+    for row in rows:
+        assert row["rejected"] < 0.01 * row["samples"]
+        assert 0.8 < row["nis_mean"] < 1.25
+        assert abs(row["own_motor_gain"] - truth) < 4.0 * row["own_std_motor_gain"]

@@ -19,7 +19,7 @@ from rw_ekf.fleet.result_rows import own_share
 from rw_ekf.fleet.siblings import siblings_of
 from rw_ekf.fleet.simulation import FleetShape
 from rw_ekf.fleet.trend_document import Trends
-from rw_ekf.fleet.trend_findings import finding_kinds
+from rw_ekf.fleet.trend_findings import finding_kinds, sentences
 from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.one_thread import one_thread
 from tools.measure.fleet import daily_estimates
@@ -45,7 +45,7 @@ def wheel_days(value: Float64Array, std: float, temperature_degC: float | Float6
     stds = {name: np.full(n, std) for name in numbers}
     return WheelDays(
         "W", 20454.0 + np.arange(n, dtype=np.float64), days, ("",) * n, np.ones(n, bool), ("ok",) * n, numbers, stds,
-        warmth, np.ones(n), np.zeros(n, bool), np.full(n, np.nan), {},
+        warmth, np.ones(n), np.ones(n), np.zeros(n), np.zeros(n, bool), np.zeros(n, bool), np.full(n, np.nan), {},
     )  # fmt: skip
 
 
@@ -116,7 +116,80 @@ def test_a_day_that_is_far_off_is_left_out_and_a_step_is_not() -> None:
     value = 0.6 + 0.001 * rng.standard_normal(60)
     value[30:] += 0.05
     value[10] += 0.1
-    assert np.flatnonzero(far_off(value, np.full(60, 0.001))).tolist() == [10]
+    assert np.flatnonzero(far_off(value, np.full(60, 0.001))[1]).tolist() == [10]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.16, -0.3])
+@pytest.mark.parametrize("at", [0, -1])
+def test_one_odd_day_at_an_end_is_no_step(share: float, at: int) -> None:
+    """The first or the newest day is off: left out, and the newest said; two that are off alike are a step's first."""
+    rng = np.random.default_rng(16)
+    for n in (30, 60, 120):
+        value = 0.6 * (1.0 + 0.003 * rng.standard_normal(n))
+        value[at] *= 1.0 + share
+        days = wheel_days(value, 0.0005)
+        (wheel,) = trends_of([days], {}).wheels
+        trend = wheel.parameters["coulomb"]
+        assert trend.fit.steps == ()
+        assert trend.course.known.far_off.tolist() == [at % n]
+        assert trend.course.known.far_by[0] == pytest.approx(share, abs=0.015)
+        assert any(f"{100.0 * trend.course.known.far_by[0]:+.3g} % off" in text for text in sentences(wheel)) == (
+            at < 0
+        )
+        value[-2:] = 0.6 * (1.0 + share)
+        course = course_of(wheel_days(value, 0.0005), "coulomb", None)
+        assert course is not None
+        if at < 0:
+            (step,) = course.fit.steps
+            assert course.known.rows[course.starts[step.before + 1]] == n - 2
+            assert step.size == pytest.approx(0.6 * share, abs=4.0 * step.std)
+
+
+def test_a_course_that_rises_fast_has_no_odd_days_at_its_ends() -> None:
+    """A wheel that ages by two scatters a day, straight: no day of it is far off what is around it."""
+    rng = np.random.default_rng(17)
+    value = 0.6 + 0.004 * np.arange(40) + 0.002 * rng.standard_normal(40)
+    assert not far_off(value, np.full(40, 0.001))[1].any()
+
+
+@pytest.mark.parametrize("n", [5, 8, 14])
+def test_no_limit_is_near_of_which_a_few_days_know_no_rate(n: int) -> None:
+    """Forty healthy wheels with a week or two of days: none is said to reach +10 %; one that wears by 3 % a day is."""
+    rng = np.random.default_rng(18)
+    for _ in range(40):
+        value = 0.6 * (1.0 + 0.003 * rng.standard_normal(n))
+        wheel = trends_of([wheel_days(value, 0.0005)], limits_of(["coulomb=+10%"])).wheels[0]
+        assert not [text for text in sentences(wheel) if "limit" in text]
+    value = 0.6 * (1.0 + 0.03 * np.arange(n) + 0.003 * rng.standard_normal(n))
+    worn = trends_of([wheel_days(value, 0.0005)], limits_of(["coulomb=+50%"])).wheels[0]
+    assert [text for text in sentences(worn) if "limit" in text]
+
+
+def test_logs_that_are_of_no_use_are_said() -> None:
+    """Readings rejected, a column misread, a filter reset, ten times the noise: each from its day to the newest."""
+    healthy = wheel_days(0.6 + 0.001 * np.random.default_rng(19).standard_normal(40), 0.001)
+    late = np.arange(40) >= 30
+    nothing = {name: np.where(late, np.nan, value) for name, value in healthy.values.items()}
+    for changed, word in (
+        (replace(healthy, rejected_share=np.where(late, 0.4, 0.0)), "are rejected"),
+        (replace(healthy, misread=late), "misread"),
+        (replace(healthy, values=nothing), "was reset"),
+        (replace(healthy, innovation_rpm=np.where(late, 10.0, 1.0)), "innovations are"),
+    ):
+        (found,) = [text for text in sentences(trends_of([changed], {}).wheels[0]) if word in text]
+        assert found.startswith("on its newest 10 days, since 2026-01-31, ")
+        over = replace(changed, rejected_share=changed.rejected_share * late[::-1], misread=late[::-1])
+        assert not [text for text in sentences(trends_of([over], {}).wheels[0]) if "misread" in text]
+    assert sentences(trends_of([healthy], {}).wheels[0]) == []
+
+
+def test_what_is_not_known_is_said() -> None:
+    """Four days, few wheels, no temperature: no number says that all is well."""
+    value = 0.6 + 0.001 * np.random.default_rng(20).standard_normal(40)
+    text = Trends("f", trends_of([wheel_days(value, 0.001), wheel_days(value[:4], 0.001)], {}), {}).text()
+    assert "no trend, step or limit is known of 1 of 2 wheels (W): no parameter is known on 5 of their days" in text
+    assert "no wheel is held against its siblings" in text
+    assert "temperature is taken out of 0 of 4 courses" in text
 
 
 def test_what_a_log_says_alone_is_the_filter_s_gain() -> None:
