@@ -22,7 +22,6 @@ EXAMPLE = """example:
 exit status: 0 alive and TRACKING, 3 alive but not, 4 not alive; of several wheels what all have, else 3"""
 
 TRACKING_STATUS, OTHER_STATUS, DEAD_STATUS = 0, 3, 4
-_STALE_S = 5.0  # the state file is replaced once a second
 _LINK_WORDS = ("state", "bus", "trouble")  # of the link, what is no number
 
 
@@ -64,9 +63,8 @@ def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
     if found is None:
         return _nothing(path), DEAD_STATUS
     document = _document(found)
-    age_s = _age_s(document["utc"], clock.utc())
-    if found.alive and age_s > _STALE_S:
-        document["reason"] += f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does)"
+    if silence := found.silence(clock.utc()):
+        document["reason"] += silence
         return document, OTHER_STATUS
     if not found.alive:
         for facts in holders_of(configuration.wheel.port, clock, supervise=True):
@@ -126,13 +124,6 @@ def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
         "configuration, or is this one of several wheels on the line, and has not answered yet?"
     )
     return _unknown(alive=True, pid=pid, reason=reason)
-
-
-def _age_s(utc: Any, now: Any) -> float:
-    from rw_ekf.logs.metadata import moment_of
-
-    moment = moment_of(utc)
-    return float("inf") if moment is None else float((now - moment).total_seconds())
 
 
 def _headline(document: dict[str, Any]) -> str:

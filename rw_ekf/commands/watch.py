@@ -65,13 +65,13 @@ def _picture(configurations: Sequence[Configuration]) -> str:
 def _published(configuration: Configuration) -> tuple[dict[str, object] | None, str]:
     """What the run publishes, with its last rows, and where."""
     from rw_ekf.live.published_state import published_place, read_published
-    from rw_ekf.page.run_feed import RunFeed
+    from rw_ekf.page.run_feed import RunFeed, shown
 
     place = published_place(configuration)
     found = read_published(place)
     if found is None:
         return None, str(place)
-    document: dict[str, object] = {"alive": found.alive, **found.document}
+    document: dict[str, object] = shown(found)
     log = found.document.get("log")
     if isinstance(log, str):
         from rw_ekf.errors import RwEkfError

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,6 +19,7 @@ from pydantic import BaseModel, Field, StrictInt, ValidationError
 
 from rw_ekf.live.port_claim import DIRECTORIES, put_shared, shared_directory
 from rw_ekf.live.process import facts_of
+from rw_ekf.logs.metadata import moment_of
 from rw_ekf.plain_file import json_of, read_plain
 from rw_ekf.records import RunState
 from rw_ekf.sinks.run_files import lasting_stem, state_path
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
     from rw_ekf.settings.schema import Configuration
 
+_STALE_S = 5.0  # the state file is replaced once a second
 _MOST_BYTES = 1_000_000  # one has some 3 kB
 _MOST_BYTES_OF_WORD = 65_536
 
@@ -77,6 +81,14 @@ class Published:
     def run_state(self) -> str:
         """State of the run when it was last published."""
         return str(self.document["run_state"])
+
+    def silence(self, utc: datetime) -> str:
+        """A remark on a process that runs and has published nothing for five seconds; empty where it has. utc: now."""
+        published = moment_of(self.document.get("utc"))
+        age_s = math.inf if published is None else (utc - published).total_seconds()
+        if not self.alive or age_s <= _STALE_S:
+            return ""
+        return f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does or is full)"
 
     @property
     def pid(self) -> int:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.clock import SystemClock
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.live.published_state import read_published
+from rw_ekf.live.published_state import Published, read_published
 from rw_ekf.logs.parts import PartName, beside, parts_of, stem_of
 from rw_ekf.page.growing_table import Columns, GrowingTable, read_thinned
 
@@ -113,7 +114,7 @@ class RunFeed:
         for path in sorted(self.stem.parent.glob("*.state.json")):
             published = read_published(path)
             if published is not None and stem_of(str(published.document.get("log"))).name == self.name:
-                return {"kind": "state", "alive": published.alive, **published.document}
+                return {"kind": "state", **shown(published)}
         return None
 
     def models(self) -> dict[str, Path]:
@@ -147,6 +148,13 @@ class RunFeed:
         began = _kept_curve(start, top_rad_s, _written_ns(start)) if start else None
         found = {name: curve for name, curve in (("began", began), ("now", now)) if curve}
         return {"kind": "curve", **found} if found else None
+
+
+def shown(published: Published) -> dict[str, Any]:
+    """What a run publishes; `alive`: whether its process is, `stale`: whether that has stopped to publish anything."""
+    silence = published.silence(SystemClock().utc())
+    reason = f"{published.document.get('reason') or ''}{silence}"
+    return {"alive": published.alive, "stale": bool(silence), **published.document, "reason": reason}
 
 
 class RunTail:

@@ -81,7 +81,7 @@ class Access:
 
     def has_token(self, request: Request) -> bool:
         """Whether a request bears the token."""
-        return secrets.compare_digest(request.headers.get("x-token", ""), self.token)
+        return secrets.compare_digest(request.headers.get("x-token", "").encode(), self.token.encode())
 
 
 @dataclass(eq=False)
@@ -141,11 +141,18 @@ class Watcher:
             self.clients.discard(queue)
 
     def end(self) -> None:
-        """No more messages: who is connected is let go of."""
+        """The last that is published, and no more messages: who is connected is let go of."""
+        state = self._feed.state() if self.clients else None
         for queue in self.clients:
-            _put(queue, _OVER)
+            _put(queue, *([] if state is None else [_event(state)]), _OVER)
 
     async def _watch(self) -> None:
+        try:
+            await self._look_and_tell()
+        finally:
+            self.end()  # whoever is still there asks anew, and sees that nothing comes: no page may stand still
+
+    async def _look_and_tell(self) -> None:
         tail = await run_in_threadpool(self._feed.tail)
         models: object = None
         believed: dict[str, tuple[float, float]] = {}
@@ -193,11 +200,12 @@ class Watcher:
                 queue.put_nowait(data)
 
 
-def _put(queue: asyncio.Queue[bytes], message: bytes) -> None:
+def _put(queue: asyncio.Queue[bytes], *messages: bytes) -> None:
     """In place of all that waits there."""
     while not queue.empty():
         queue.get_nowait()
-    queue.put_nowait(message)
+    for message in messages:
+        queue.put_nowait(message)
 
 
 class _Answers:
@@ -240,7 +248,10 @@ class _Answers:
         """The friction that was learned."""
         feed = await run_in_threadpool(self._place.feed, request.query_params.get("run", ""))
         try:
-            top = min(max(float(request.query_params.get("top", "100")), 1.0), 1.0e5)
+            top = float(request.query_params.get("top", "100"))
+            if not math.isfinite(top):
+                raise ValueError
+            top = min(max(top, 1.0), 1.0e5)
             believed = _believed(json.loads(request.query_params.get("believed", "{}")))
         except (ValueError, TypeError, AttributeError, RecursionError):
             return _refusal(400, "top is a number, believed an object of [value, sigma]")
@@ -327,7 +338,8 @@ class _Guard:
             return
         request = Request(scope)
         if not self._access.allows_host(request.headers.get("host", "")):
-            await _refusal(421, "this is no name of this machine")(scope, receive, send)
+            text = "the page is asked by an address of this machine, or by the name that --listen NAME:PORT gave it"
+            await _refusal(421, text)(scope, receive, send)
             return
         if self._access.wanted_always and scope["path"].startswith("/api/") and not self._access.has_token(request):
             await _refusal(403, "the address that was printed has the token that this takes")(scope, receive, send)

@@ -22,6 +22,7 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
     state, std, link = (document.get(key) or {} for key in ("state", "std", "link"))
     recent = document.get("recent") or {}
     shown = document.get("run_state") if document.get("alive") else "ended" if document.get("ended_utc") else "dead"
+    shown = f"no news, was {shown}" if document.get("stale") else shown
     label = min(28, width // 3)
     began = document.get("since_utc") if document.get("alive") else document.get("ended_utc") or document.get("utc")
     since, after = str(began or "")[11:19], after_start(document.get("began_utc"), began)

@@ -7,7 +7,9 @@ import math
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.clock import SystemClock
 from rw_ekf.live.process import own_process
+from rw_ekf.logs.metadata import utc_text
 
 NAME = "2026-11-27T10-20-06Z_wheel"
 LOG = "time_s,speed_rad_s,current_command_A,current_A,command_delay_s,segment,temperature_degC"
@@ -46,7 +48,7 @@ class RunOnDisk:
         state: dict[str, Any] = {
             "schema": "rw_ekf.state/1", "wheel": "wheel", "port": "/dev/x", "log": self.log.name, **own_process(),
             "run_state": "TRACKING", "since_utc": "2026-11-27T10:20:28.6Z", "reason": "readings come and are used",
-            "utc": "2026-11-27T10:20:47.5Z", "alarms": [], "link": {"state": "answered", "requests": 9},
+            "utc": utc_text(SystemClock().utc()), "alarms": [], "link": {"state": "answered", "requests": 9},
             "state": {"speed_rad_s": 1.0, "motor_gain": 15.0}, "std": {"speed_rad_s": 0.1, "motor_gain": 2.0},
         }  # fmt: skip
         (self.folder / "wheel.state.json").write_text(json.dumps(state | more))

@@ -23,6 +23,7 @@ from rw_ekf.page.diagnosis_on_request import Reports, report_path
 from rw_ekf.page.page_process import _listening
 from rw_ekf.page.run_feed import RunFeed
 from rw_ekf.page.server import Access, Place, Watcher, page_app
+from rw_ekf.page.text_screen import picture_of
 from tests.page.runs import RunOnDisk
 
 
@@ -124,6 +125,58 @@ def test_what_is_believed_is_numbers_or_refused(served: Served) -> None:
         assert served.get(f"/api/curve?believed={odd}")[0] == 400
 
 
+@pytest.mark.parametrize("top", ["nan", "inf", "-inf", "x"])
+def test_nobody_s_question_ends_what_others_see(served: Served, run: RunOnDisk, top: str) -> None:
+    """A top that is no number is refused, and who watches goes on to get rows and curves."""
+    with urllib.request.urlopen(f"{served.address}/api/live", timeout=60) as answer:
+        assert answer.readline() == b": hello\n"
+        assert served.get(f"/api/curve?top={top}")[0] == 400
+        for _ in range(2):
+            run.add(5)
+            for line in answer:
+                if line.startswith(b"data: ") and json.loads(line[6:])["kind"] == "rows":
+                    break
+
+
+def test_where_looking_fails_nobody_is_left_with_an_old_picture(
+    run: RunOnDisk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stream ends, with the last that is published in front; whoever asks again is answered again."""
+    feed = RunFeed(run.log)
+
+    async def messages() -> list[bytes]:
+        watcher = Watcher(feed)
+        monkeypatch.setattr(watcher, "_tell", lambda *_: 1 / 0)
+        async with watcher.client() as queue:
+            task = watcher._task
+            assert task is not None
+            found = [await asyncio.wait_for(queue.get(), 60.0) for _ in range(2)]
+            with pytest.raises(ZeroDivisionError):
+                await task
+            return found
+
+    last, over = asyncio.run(messages())
+    assert json.loads(last.removeprefix(b"data: "))["kind"] == "state"
+    assert over == b""
+
+
+def test_a_run_that_publishes_nothing_any_more_is_not_shown_as_one_that_tracks(run: RunOnDisk) -> None:
+    """Its process lives and hangs: the state is stale, and since when is said; a run that has ended is not stale."""
+    state = RunFeed(run.log).state()
+    assert state is not None
+    assert (state["alive"], state["stale"], state["reason"]) == (True, False, "readings come and are used")
+    run.publish(utc="2026-11-27T10:20:47.5Z")
+    state = RunFeed(run.log).state()
+    assert state is not None
+    assert state["stale"]
+    assert "the daemon hangs, or its disk does or is full" in state["reason"]
+    assert "no news, was TRACKING" in picture_of((state, "x"), 120)
+    run.publish(utc="2026-11-27T10:20:47.5Z", start_ticks=1)
+    state = RunFeed(run.log).state()
+    assert state is not None
+    assert (state["alive"], state["stale"]) == (False, False)
+
+
 def test_a_watcher_tells_the_curve_as_it_is_learned(run: RunOnDisk, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a new model on disk: what new rows believe is drawn, up to the fastest that was seen."""
     monkeypatch.setattr("rw_ekf.page.server._LOOK_S", 0.01)
@@ -164,6 +217,7 @@ def test_who_was_not_sent_here_is_refused(served: Served, stops: list[str]) -> N
     assert served.get("/api/runs", host="localhost:99")[0] == 200
     assert served.get("/api/stop", method="POST")[0] == 403
     assert served.get("/api/stop", method="POST", token="wrong")[0] == 403
+    assert served.get("/api/stop", method="POST", token="\u00e9")[0] == 403
     assert served.get("/api/stop", token=served.token)[0] == 405
     assert stops == []
     assert served.get("/api/stop", method="POST", token=served.token)[2] == {"zero_confirmed": True}

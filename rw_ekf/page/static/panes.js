@@ -3,6 +3,7 @@
 
 const RPM = 60 / (2 * Math.PI);
 const MOST_ROWS = 12000; // kept in each table; older rows are thinned to half when there are more
+const SILENT_MS = 25000; // the server says at least each 15 s that it is still there
 const CHI_95 = 3.841; // of one degree of freedom
 const UNITS = { motor_gain: "rad/s²/A", viscous: "1/s", coulomb: "rad/s²", static: "rad/s²" };
 // What a motion must have before a number may be relied on, however small its sigma is (docs/filter.md#what-may-be-relied-on)
@@ -148,7 +149,8 @@ class Pane {
         const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
         let text = "";
         for (;;) {
-          const { done, value } = await reader.read();
+          const silent = setTimeout(() => this.source.abort(), SILENT_MS);
+          const { done, value } = await reader.read().finally(() => clearTimeout(silent));
           if (done) break;
           text += value;
           const parts = text.split("\n\n");
@@ -159,8 +161,9 @@ class Pane {
         if (this.closed) return;
       }
       if (this.closed) return;
+      const over = this.state && !this.state.alive;
       if (stopped) this.say("stopped", `${stopped} The page ended with the run.`, "");
-      else this.say("no answer", "the page's server does not answer; the run itself goes on without it", "warn");
+      else if (!over) this.say("no answer", "the page's server does not answer; whether the run goes on is not known from here: rw-ekf status --config F", "bad");
       await new Promise((resolve) => setTimeout(resolve, 2000));
     }
   }
@@ -192,9 +195,9 @@ class Pane {
       const after = (Date.parse(state.since_utc) - Date.parse(state.began_utc)) / 1000;
       const start = after >= 0 ? ` (${after.toFixed(1)} s after the run's start)` : "";
       const since = state.since_utc ? ` since ${state.since_utc.slice(11, 19)} UTC${start}` : "";
-      const shown = state.alive ? state.run_state : state.ended_utc ? "ended" : "dead";
-      const kind = !state.alive ? (state.ended_utc ? "" : "bad") : state.run_state === "TRACKING" ? "good" : state.run_state === "SAFE" ? "bad" : "warn";
-      const last = state.alive ? "" : `last ${state.run_state}: `;
+      const shown = state.stale ? "no news" : state.alive ? state.run_state : state.ended_utc ? "ended" : "dead";
+      const kind = state.stale ? "bad" : !state.alive ? (state.ended_utc ? "" : "bad") : state.run_state === "TRACKING" ? "good" : state.run_state === "SAFE" ? "bad" : "warn";
+      const last = state.alive && !state.stale ? "" : `last ${state.run_state}: `;
       this.say(shown, `${last}${state.reason || ""}${since}`, kind);
       const link = state.link || {};
       const lost = (link.timeouts || 0) + (link.damaged || 0) + (link.stale || 0);
