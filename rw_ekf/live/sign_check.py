@@ -171,6 +171,11 @@ def _say(
     expected = True
     if watch.opposite.is_certain:
         text = f"{watch.opposite.text(place)}."
+    elif watch.spoilt > watch.pieces:
+        text = (
+            f"amid {watch.spoilt} of {watch.spoilt + watch.pieces} half seconds of pulses up to {move.current_A:.3g} A "
+            "replies were lost, so that too few show what a current does: see to the line."
+        )
     elif watch.pieces > 0:
         text = (
             f"{move.lasted_s:.3g} s of pulses up to {move.current_A:.3g} A showed no motion that follows from them: is "

@@ -14,7 +14,10 @@ larger than it expects. It forgets in half a minute of motion, for a sign may tu
 The sign is wrong where kappa is negative by five sigmas, c being not negative, and by a fifth of the expected gain. The
 size is odd where kappa is more than four times what is expected, or less than a quarter of it, by three sigmas. Both
 are right where kappa is positive by five sigmas in the same way, and by three sigmas within those four times. A
-current too small to move the wheel says nothing about either: pieces in which the wheel stands are left out.
+current too small to move the wheel says nothing about either: pieces in which the wheel stands are left out. A
+reading that leaps farther than a wheel twenty times as strong could waits for the next, and counts as the median of
+itself and the two beside it: of a wheel that only speeds up or only slows down that is the reading itself, and one wild
+reading in five makes no gain of its own.
 
 [CK13]: docs/model.md.
 """
@@ -22,6 +25,7 @@ current too small to move the wheel says nothing about either: pieces in which t
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +42,7 @@ _SIGN_SIGMAS = 5.0
 _SIGN_SHARE = 0.2
 _SIZE_SIGMAS = 3.0
 _SIZE_FACTOR = 4.0
+_NO_WHEEL = 20.0  # times what is expected: beyond a scale that is ten times off, and short of a wild reading
 _OUTSIDE_SHARE = 0.3
 _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
@@ -71,6 +76,8 @@ class SignWatch:
         self._nis = 1.0
         self._skipped = False
         self.pieces = 0
+        self.spoilt = 0  # pieces amid which a reply was lost, so that nobody knows what turned the wheel
+        self._waiting: Tick | None = None  # whose reading leaps
         self.opposite = OppositeTold()
         self._last: WheelSample | None = None
         self._command: IssuedCommand | None = None
@@ -115,12 +122,13 @@ class SignWatch:
     def odd_factor(self) -> float | None:
         """By which factor the size of the gain is off what was expected; None where it is not, or cannot be told."""
         gain, std = self.gain
-        gain = abs(gain)
         if not self.is_known or self._expected == 0.0:
             return None
-        large = gain - _SIZE_SIGMAS * std > _SIZE_FACTOR * self._expected
-        small = gain + _SIZE_SIGMAS * std < self._expected / _SIZE_FACTOR
-        return gain / self._expected if large or small else None
+        size = abs(gain)
+        large = size - _SIZE_SIGMAS * std > _SIZE_FACTOR * self._expected
+        small = size + _SIZE_SIGMAS * std < self._expected / _SIZE_FACTOR
+        is_sure = small or gain > 0.0 or self.is_wrong  # wild readings make a large gain of either sign
+        return size / self._expected if (large or small) and is_sure else None
 
     def _end_of_gain(self, side: float) -> float:
         """The largest (side 1) or smallest (-1) motor gain that the readings leave [rad/s^2/A].
@@ -142,9 +150,37 @@ class SignWatch:
 
     def add(self, tick: Tick) -> None:
         """Take one turn of the loop."""
-        last, sample = self._last, tick.sample
-        following, self._command = self._command, tick.command
         self.opposite.add(tick.command)
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            self._add(self._between(waiting.sample, tick.sample), waiting.command)
+        if self._leaps(tick.sample):
+            self._waiting = tick
+        else:
+            self._add(tick.sample, tick.command)
+
+    def _leaps(self, sample: WheelSample) -> bool:
+        """Whether a reading is farther from the one before than a wheel goes, however wrong a scale may be."""
+        last, read = self._last, sample.speed_rad_s
+        if last is None or last.speed_rad_s is None or read is None or last.segment != sample.segment:
+            return False
+        strongest_A = max(abs(self._in_force_A or 0.0), 0.0 if self._command is None else abs(self._command.current_A))
+        most = _NO_WHEEL * (self._expected * strongest_A + self._coulomb) * (sample.time_s - last.time_s)
+        return abs(read - last.speed_rad_s) > self._at_rest + most
+
+    def _between(self, sample: WheelSample, ahead: WheelSample) -> WheelSample:
+        """A sample with the median of its reading and those beside it; without one where none comes behind it."""
+        last, read = self._last, sample.speed_rad_s
+        if last is None or last.speed_rad_s is None or read is None or ahead.segment != sample.segment:
+            return sample
+        if ahead.speed_rad_s is None:
+            return replace(sample, speed_rad_s=None)
+        return replace(sample, speed_rad_s=sorted((last.speed_rad_s, read, ahead.speed_rad_s))[1])
+
+    def _add(self, sample: WheelSample, command: IssuedCommand | None) -> None:
+        """Take a reading and the command that followed it."""
+        last = self._last
+        following, self._command = self._command, command
         if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known nevertheless
             if last is not None and following is not None:
                 self._current_over(sample.time_s - self._at_s, following)
@@ -155,6 +191,7 @@ class SignWatch:
         self._last, self._at_s = sample, sample.time_s
         if not same or last is None or not 0.0 < sample.time_s - last.time_s < LONGEST_STEP_S or following is None:
             self._in_force_A = None
+            self.spoilt += same and self._T > 0.0
             self._drop()
             self._from_rad_s = sample.speed_rad_s
             if same and following is not None:
@@ -170,7 +207,9 @@ class SignWatch:
         self._turned += speed * whole
         self._dry += math.copysign(whole, speed)
         if self._T >= PIECE_S - 1.0e-6:
-            if self._known and self._fastest > self._at_rest:
+            if not self._known:
+                self.spoilt += 1
+            elif self._fastest > self._at_rest:
                 self._take(sample.speed_rad_s - self._from_rad_s)
             self._drop()
             self._from_rad_s = sample.speed_rad_s
