@@ -209,6 +209,7 @@ def _context(
         recent=RecentSink(configuration.loop.rate_hz, start.setup.effects.columns),
         began=watches.states.now,
         link=lambda: live.link,
+        halted=lambda: live.halted,
         timing=live.timing,
         learning=Learning(start, lambda: watches.wheel, lambda: watches.doubt),
         process={},

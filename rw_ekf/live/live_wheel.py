@@ -101,7 +101,7 @@ class LiveWheel:
         self._is_over = False  # the present turn, and the next is planned
         self._in_silence = place.in_silence
         self._time = SampleTime()
-        self._heard_s = clock.monotonic()
+        self._heard_s, self._stale_when_heard = clock.monotonic(), 0
         self._reported_A: float | None = None  # the last current that the log and the filter were told of
         self._broken = False  # the line was lost since the last reading
         self._breaks = 0
@@ -245,7 +245,7 @@ class LiveWheel:
             self._breaks += 1
         if self._time.last is None:
             quiet_s = 0.0  # what went before the first reading is no silence: nothing has been commanded yet
-        self._heard_s = now
+        self._heard_s, self._stale_when_heard = now, self.link.stale
         self.silent = self._broken = self._unknown_since_zero = False
         self._zeroed_after_s = None
         if sample.news is not None and sample.news[0] == "wheel_restarted":
@@ -279,7 +279,8 @@ class LiveWheel:
             self.silent = True
             if min(quiet_s - self._silence_s, now - self._reopened_s) > _REOPEN_SILENT_S:
                 self._reopened_s = now
-                self._lose(DriverError("the port is open but the wheel says nothing; opening it anew"))
+                says = "its replies come too late" if self._replies_late else "the wheel says nothing"
+                self._lose(DriverError(f"the port is open but {says}; opening it anew"))
                 return Reading(None, LinkState.SILENT, quiet_s)
             if not zeroes or not self._zeroed_in_silence(tick_s):
                 return Reading(None, LinkState.SILENT, quiet_s)
@@ -299,9 +300,18 @@ class LiveWheel:
         self._zeroed_after_s = self._clock.monotonic() - tick_s
         return True
 
+    @property
+    def _replies_late(self) -> bool:
+        """Whether, since telemetry was heard last, replies came that were those of earlier requests."""
+        return self.link.stale > self._stale_when_heard
+
     def _say_silent(self, quiet_s: float) -> None:
         doing = "writing zero, retrying" if self._writes else "waiting"
-        why = "one reply is repeated, its time stands still" if self._repeating else "no reply"
+        why = "no reply"
+        if self._repeating:
+            why = "one reply is repeated, its time stands still, or `uptime` of the wire map is no clock"
+        elif self._replies_late:
+            why = "replies come, but too late: a longer loop.reply_timeout_ms, or a shorter way to the wheel"
         self._note("silence", seconds=round(quiet_s, 2), why=why, doing=doing)
         if self._repeating:
             self.check.found(

@@ -52,6 +52,7 @@ class RunContext:
     link: Callable[[], LinkCounters]
     process: Mapping[str, int | None]  # pid and start_ticks: for all time the name of one process
     in_order: Callable[[], bool] = lambda: True  # whether the run, when it is over, has not crashed
+    halted: Callable[[], str | None] = lambda: None  # why it ended before its time, where the wheel must not be driven
     compensated: bool = False  # whether friction may be compensated
     total_s: Callable[[], float | None] = lambda: None
     phase: Phase | None = None

@@ -62,6 +62,7 @@ class LogSink:
         self._packer = packer
         self._clock = clock
         self._unwritten = unwritten
+        self._stated = False
         self._note = note
         self._record = record if record is not None else RecordPrint()
         self._number = 1
@@ -167,7 +168,9 @@ class LogSink:
                 writer.sync()
 
     def _say(self, path: Path, reason: str) -> None:
-        if self._unwritten.note(f"{path}: {reason}"):
+        self._unwritten.note(f"{path}: {reason}")
+        if not self._stated:  # by this sink: another's trouble before it says nothing of the log
+            self._stated = True
             self._note(
                 "not_written",
                 file=str(path),

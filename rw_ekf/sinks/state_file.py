@@ -51,7 +51,7 @@ class StateFileSink:
             "ended_utc": ended_utc,
             "run_state": now.state.value,
             "since_utc": now.since_utc,
-            "reason": now.reason,
+            "reason": run.halted() or now.reason,
             "link": {"state": None if tick is None else tick.link.value, **asdict(run.link())},
             **_of_tick(tick),
         }
@@ -61,8 +61,11 @@ class StateFileSink:
             document["alarms"] = [] if tick is None else [alarm.document() for alarm in tick.alarms]
         try:
             write_text(run.files.state, json_text(document), follow=False)
-        except (OSError, ValueError, RwEkfError):
-            run.unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
+        except (OSError, ValueError, RwEkfError) as error:  # it tells of the moment: the next one is tried
+            if not run.unwritten.state_files:
+                do = "`status` and the page show what was published last, until there is room or the place is back"
+                run.logger.error("not_published", file=str(run.files.state), reason=str(error), do=do)
+            run.unwritten.state_files += 1
 
 
 def _of_tick(tick: Tick | None) -> dict[str, Any]:

@@ -239,6 +239,7 @@ def test_each_gap_in_a_log_begins_a_segment(tmp_path: Path) -> None:
     notes = Notes()
     samples = _Full(tmp_path / "log.csv")
     unwritten = Unwritten()
+    unwritten.note("a recorder's file, before")  # says nothing of the log
     part = PartFiles(samples, EstimateWriter(tmp_path / "estimates.csv"))
     size = PartSize(math.inf, math.inf)
     sink = LogSink(lambda number: part, size, Packer(notes.warning), VirtualClock(), unwritten, notes.warning)

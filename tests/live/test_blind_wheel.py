@@ -233,6 +233,9 @@ def test_another_wheel_after_a_replug_is_not_driven(bench: Bench) -> None:
     assert ran.outcome.halted is not None
     assert "77" in ran.outcome.halted
     assert reported(ran, "another wheel answers")
+    published = json.loads(ran.outcome.files.state.read_text(encoding="utf-8"))
+    assert published["ended_utc"] is not None
+    assert published["reason"] == ran.outcome.halted
     assert ran.outcome.statistics.duration_s < 2.0
     since = bench.recorder.requests[before[0] :]
     assert all(frame.data == b"\0\0" for _, frame in since if frame.id == CURRENT_COMMAND)
