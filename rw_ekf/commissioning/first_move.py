@@ -82,10 +82,11 @@ def find_sign(work: Work) -> dict[str, Any]:
     gain, coulomb = ratio * moved.fit.gain, ratio * max(moved.fit.coulomb, 0.0)
     static = max(gain * min(moved.breakaway_A), coulomb)
     unit = work.progress["limits"]["unit"]
+    forward_A, backward_A = moved.breakaway_A
     work.dialogue.say(
         "sign",
         f"a positive current turns the wheel forward, {plus_minus(gain, ratio * moved.fit.gain_std)} rad/s^2/{unit}; "
-        f"it breaks away at {moved.breakaway_A[0]:.3g} and {-moved.breakaway_A[1]:.3g} {unit}; by {by}, {ratio_text}",
+        f"it breaks away at about {forward_A:.2g} and {-backward_A:.2g} {unit}; by {by}, {ratio_text}",
     )
     return {
         "protocol": path,
@@ -149,11 +150,6 @@ def _moved(
             ways = _broken_away(bench, most_A, still.rest_rad_s)
         away = [max(abs(row.command_A) for row in rows if math.isfinite(row.command_A)) for rows in ways]
         bench.run(to_rest(still.rest_rad_s), _REST_AT_MOST_S)
-        if most_A < _LEAST_HEADROOM * max(away):
-            raise RefusedError(
-                f"the wheel breaks away at {max(away):.3g} {work.progress['limits']['unit']}, and the current limit is "
-                f"{most_A:.3g}: give --current-limit {3.0 * max(away):.2g} or more, or look why it is so stiff"
-            )
         far = min(
             0.8 * ceiling, max(_FAR_NOISES * still.noise_rad_s, _FAR_STEPS * (still.lattice_rad_s or 0.0), _FAR_RAD_S)
         )
@@ -166,6 +162,15 @@ def _moved(
             if fit is not None and fit.sigmas > _SURE:
                 break
             first_A = min(2.0 * first_A, most_A)
+    is_seen = fit is not None and fit.sigmas > _SURE
+    if fit is not None and is_seen:  # else what it moved at, in readings that showed it late
+        away = [breakaway_of(ramp_rows, abs(fit.gain), max(fit.coulomb, 0.0)) for ramp_rows in ways]
+    if most_A < _LEAST_HEADROOM * max(away):
+        raise RefusedError(
+            f"the wheel breaks away at about {max(away):.2g} {work.progress['limits']['unit']}, and the current limit "
+            f"is {most_A:.3g}: give --current-limit {2.0 * _LEAST_HEADROOM * max(away):.2g} or more, or look why it is "
+            "so stiff"
+        )
     return Moved(_believed(fit), ratios_of(rows, still.rest_rad_s), ways)
 
 

@@ -7,6 +7,7 @@ zero is written; the line is closed behind a zero that the wheel has confirmed.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -19,6 +20,7 @@ from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel, Place
 from rw_ekf.live.port_claim import PortClaim
 from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.live.telemetry import IDENTITY_UNKNOWN
 from rw_ekf.records import Estimate, IssuedCommand, LinkState, Outcome, Reading, Tick, WheelSample, WheelState
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.watch.sign_watch import OppositeTold
@@ -30,10 +32,13 @@ Move = Generator[float, WheelSample, None]
 _DEAD_AFTER_S = 3.0  # without an answer: a wheel that has gone, and no hiccup of the line
 _RUNS_AWAY = 2.0  # times the ceiling: it goes on faster though zero is written
 
-NOT_CONFIRMED = (
-    "the wheel did not confirm zero current: it may still carry its last one. Run `rw-ekf stop --config F`, or cut its "
-    "power"
-)
+
+def not_confirmed(configuration: str | Path) -> str:
+    """What to do about a wheel that has not confirmed zero. configuration: the file that a stop takes."""
+    return (
+        "the wheel did not confirm zero current: it may still carry its last one. Run `rw-ekf stop --config "
+        f"{configuration}`, or cut its power"
+    )
 
 
 class OppositeError(RefusedError):
@@ -69,9 +74,13 @@ class Bench:
         rate_hz: float,
         step_rad_s: float = 0.0,
         ceiling_rad_s: float = float("inf"),
+        configuration_file: str | Path = "F",
     ) -> None:
-        """step_rad_s: resolution or noise of a reading. ceiling_rad_s: above it nothing but zero is asked for."""
-        self._configuration = configuration
+        """step_rad_s: resolution or noise of a reading. ceiling_rad_s: above it nothing but zero is asked for.
+
+        configuration_file: what stops the wheel by another program.
+        """
+        self._configuration, self._configuration_file = configuration, configuration_file
         self._protocol = protocol
         self.clock = clock
         self._stop = stop
@@ -82,7 +91,7 @@ class Bench:
         self._claim = PortClaim(configuration.wheel.port, clock)
         self._live: LiveWheel | None = None
         self._opposite = OppositeTold()
-        self._began_s = 0.0
+        self._began_s = self._unknown_since_s = 0.0
         self.lasted_s = 0.0
 
     def __enter__(self) -> Self:
@@ -113,9 +122,10 @@ class Bench:
         self._claim.release()
         self.lasted_s = self.clock.monotonic() - self._began_s
         if not confirmed:
+            text = not_confirmed(self._configuration_file)
             if error is None or isinstance(error, Stopped):
-                raise DriverError(NOT_CONFIRMED)
-            self._warn("zero_not_confirmed", text=NOT_CONFIRMED)
+                raise DriverError(text)
+            self._warn("zero_not_confirmed", text=text)
 
     @property
     def live(self) -> LiveWheel:
@@ -152,7 +162,8 @@ class Bench:
         speed, wanted_A = sample.speed_rad_s, 0.0
         if speed is not None:
             wanted_A = move.send(sample)
-            wanted_A = 0.0 if abs(speed) > self.ceiling_rad_s else wanted_A
+            held = abs(speed) > self.ceiling_rad_s or self.live.check.hold is not None
+            wanted_A = 0.0 if held else wanted_A
         issued = self.live.issue(lambda tick: wanted_A, _tick(sample, link))
         self._hold_against(issued)
         known = issued is not None and issued.acknowledged
@@ -185,9 +196,16 @@ class Bench:
                 f"{self._configuration.wheel.port}: the wheel stopped answering {reading.quiet_s:.2g} s ago; zero was "
                 "tried. Look at its supply and its cable, then start again: what was found until here is kept"
             )
-        why = self.live.check.hold
+        why, now_s = self.live.check.hold, self.clock.monotonic()
+        if why != IDENTITY_UNKNOWN:
+            self._unknown_since_s = now_s
+        elif now_s - self._unknown_since_s < _DEAD_AFTER_S:
+            return  # after a silence it is asked again who it is, and answers in a turn or two
         if why is not None:
-            raise RefusedError(f"the wheel must not be driven: {'; '.join(self.live.check.findings) or why}")
+            about = "; ".join(self.live.check.findings)
+            if why == IDENTITY_UNKNOWN:
+                about = "after a silence it answers, and does not say which wheel it is: start again"
+            raise RefusedError(f"the wheel must not be driven: {about or why}")
         speed = None if reading.sample is None else reading.sample.speed_rad_s
         if speed is not None and abs(speed) > _RUNS_AWAY * self.ceiling_rad_s:
             raise RefusedError(

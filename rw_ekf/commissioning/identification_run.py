@@ -6,7 +6,7 @@ from typing import Any
 
 from rw_ekf.clock import Clock
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
-from rw_ekf.commissioning.guarded_wheel import NOT_CONFIRMED
+from rw_ekf.commissioning.guarded_wheel import not_confirmed
 from rw_ekf.commissioning.setting import SLEW_PER_LIMIT, write_configuration
 from rw_ekf.commissioning.step_context import Work
 from rw_ekf.control.commanders import Commander, ProfileController
@@ -50,13 +50,13 @@ def identify(work: Work) -> dict[str, Any]:
     finally:
         work.progress.spent(work.clock.monotonic() - began_s)
     if outcome.lost:
+        zero = "" if outcome.zero_confirmed else f": {not_confirmed(path)}"
         raise DriverError(
-            "the wheel stopped answering during the identification; zero was tried"
-            f"{'' if outcome.zero_confirmed else f': {NOT_CONFIRMED}'}. Look at supply and cable, then start again: "
-            "what was found until here is kept"
+            f"the wheel stopped answering during the identification; zero was tried{zero}. Look at supply and cable, "
+            "then start again: what was found until here is kept"
         )
     if not outcome.zero_confirmed:
-        raise DriverError(NOT_CONFIRMED)
+        raise DriverError(not_confirmed(path))
     if outcome.halted is not None:
         raise RefusedError(outcome.halted)
     if outcome.state.state is RunState.SAFE:

@@ -8,7 +8,6 @@ from typing import Any
 
 from rw_ekf.checking.yaml_loader import YamlDocument
 from rw_ekf.commissioning.progress import Progress
-from rw_ekf.errors import BadInputError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.settings.load import configuration_from, load_configuration
 from rw_ekf.settings.schema import Configuration
@@ -66,7 +65,7 @@ def configuration_of(progress: Progress) -> Configuration:
 
 
 def write_configuration(progress: Progress, model: str | None = None) -> Path:
-    """Write wheel.yaml, with what each key stands on. Raises BadInputError, ConfigError where it would be none."""
+    """Write wheel.yaml, with what each key stands on. Raises ConfigError where it would be none, BadInputError."""
     path = progress.directory / CONFIGURATION_FILE
     text = _text(progress, model)
     write_text(path, text)
@@ -76,22 +75,19 @@ def write_configuration(progress: Progress, model: str | None = None) -> Path:
 
 def _text(progress: Progress, model: str | None) -> str:
     found, limits, still, sign = (progress[step] for step in ("find", "limits", "still", "sign"))
-    if sign is None or still is None:
-        raise BadInputError("nothing is known of the wheel yet that a configuration could say")
+    reply_ms, read_ms = (None, found["read_ms"]) if still is None else (still["reply_ms"], still["read_ms"])
     sections = sections_of(progress)
     sections["wheel"]["protocol"] = _beside(progress, sections["wheel"]["protocol"])
     if model is not None:
         sections["filter"] = {"speed_noise_rpm": sections["filter"]["speed_noise_rpm"], "model": model}
     about = {
         "wheel.port": "where it answered",
-        "wheel.protocol": sign["map_text"],
+        "wheel.protocol": "as it was found" if sign is None else sign["map_text"],
         "limits": f"what may never be exceeded, as {limits['by']} gave it",
         "limits.slew_A_per_s": "from zero to the limit in 80 ms",
         "limits.silence_s": "two periods of the loop",
-        "loop.reply_timeout_ms": f"a reply takes {still['reply_ms']:.3g} ms beyond its bytes"
-        if still["reply_ms"]
-        else None,
-        "loop.rate_hz": f"a sample takes {still['read_ms']:.3g} ms",
+        "loop.reply_timeout_ms": f"a reply takes {reply_ms:.3g} ms beyond its bytes" if reply_ms else None,
+        "loop.rate_hz": f"a sample takes {read_ms:.3g} ms",
         "filter.speed_noise_rpm": "of readings at rest",
         "filter.model": "from the identification",
         "filter.prior": "from the small move; a model takes its place",
@@ -101,6 +97,8 @@ def _text(progress: Progress, model: str | None) -> str:
     who = f" with serial number {identity['serial_number']}" if identity.get("serial_number") is not None else ""
     lines = [
         f"# Written by `rw-ekf commission` for the wheel{who}. What was measured, and how: report.html beside this."
+        if sign is not None
+        else f"# Not finished: which way a current turns the wheel{who} is not known. It is there for `rw-ekf stop`."
     ]
     for section, keys in sections.items():
         lines += ["", f"{section}:{_comment(about.get(section))}"]

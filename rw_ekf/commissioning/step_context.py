@@ -13,7 +13,7 @@ from rw_ekf.commissioning.dialogue import Dialogue, RefusedError
 from rw_ekf.commissioning.find import identity_of
 from rw_ekf.commissioning.guarded_wheel import Bench
 from rw_ekf.commissioning.progress import Progress
-from rw_ekf.commissioning.setting import configuration_of
+from rw_ekf.commissioning.setting import CONFIGURATION_FILE, configuration_of
 from rw_ekf.commissioning.still import Still
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
@@ -95,6 +95,7 @@ class Work:
         bench = Bench(
             configuration, self.spoken(configuration), self.clock, self.stop, self.logger.warning,
             rate_hz=rate_hz or configuration.loop.rate_hz, step_rad_s=self.scatter_rad_s, ceiling_rad_s=ceiling_rad_s,
+            configuration_file=self.progress.directory / CONFIGURATION_FILE,
         )  # fmt: skip
         try:
             with bench:

@@ -18,6 +18,7 @@ from rw_ekf.commissioning.find import USUAL_BAUDS, Search, find_wheel, shipped_m
 from rw_ekf.commissioning.first_move import find_sign
 from rw_ekf.commissioning.fit_and_diagnosis import make_model
 from rw_ekf.commissioning.identification_run import identify
+from rw_ekf.commissioning.setting import write_configuration
 from rw_ekf.commissioning.step_context import Work
 from rw_ekf.commissioning.still import measure_still
 from rw_ekf.errors import BadInputError, NotInstalledError
@@ -48,6 +49,8 @@ def commission(
     if any(progress[step] is None for step in _MOVES):
         with interruptible():
             agree_to_move(work)
+    if progress["sign"] is None:
+        write_configuration(progress)  # before any current: a wheel that does not confirm zero is stopped by it
     if progress["still"] is None:
         with work.at_the_wheel() as bench:
             still = measure_still(bench, work.spoken(work.configuration()).limits.speed_step_rad_s)

@@ -244,6 +244,21 @@ def test_a_wheel_that_dies_is_said_in_a_sentence(tmp_path: Path, at_s: float) ->
             with pytest.raises(DriverError, match=r"stopped answering|did not confirm zero|failed|there is no port"):
                 commission(made.work)
             assert made.work.progress["find"] is not None
+            assert load_configuration(directory / "out" / "wheel.yaml").wheel.port == made.work.progress["find"]["port"]
+
+
+def test_a_short_silence_after_which_nobody_says_who_it_is_is_waited_for(tmp_path: Path) -> None:
+    """Readings stay away for .7 s and the serial number for 1.2 s: it goes on; where it stays unknown that is said."""
+    for unknown_s, ends in ((1.2, Stopped), (60.0, RefusedError)):
+        clock, directory = VirtualClock(), tmp_path / str(unknown_s)
+        directory.mkdir()
+        with StopSignal() as stop:
+            made = rig(USUAL, directory, clock, stop)
+            put_faults(made.server, f"silence@60s:0.7s,silence/identity@60s:{unknown_s}s")
+            clock.at(80.0, lambda stop=stop: stop.request("SIGTERM"))  # type: ignore[misc]
+            with pytest.raises(ends, match=None if ends is Stopped else "does not say which wheel it is: start again"):
+                commission(made.work)
+        assert made.plant.current_A == 0.0
 
 
 def test_limits_that_do_not_move_the_wheel_are_refused_with_what_it_takes(tmp_path: Path) -> None:
