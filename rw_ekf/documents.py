@@ -118,7 +118,8 @@ def torques_text(core: Belief, inertia_kg_m2: float, setup: FilterSetup) -> str:
     shown = [f"{name} {plus_minus(milli * value, milli * std)} mN m" for name, value, std in dry]
     behind = inertia_text(inertia_kg_m2, setup.inertia_from)
     omega_s = setup.constants.stribeck.omega_s
-    if setup.inertia_from == ASSUMED and omega_s == DEFAULT_STRIBECK_SPEED_RAD_S:
+    is_fitted = setup.effects.table().stribeck_at >= 0
+    if setup.inertia_from == ASSUMED and omega_s == DEFAULT_STRIBECK_SPEED_RAD_S and not is_fitted:
         behind += (
             f"; Stribeck speed {rpm_from_rad_s(omega_s):.4g} rpm, the default, assumed: static friction goes with it; "
             "give `wheel.stribeck_speed_rpm`"

@@ -68,6 +68,7 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
         )
         found.append((("limits",), f"{text}Give limits.slew_A_per_s in {wire.current_unit} per second."))
     found += _too_slow(configuration, wire, the_map)
+    found += [(("wheel", "port"), text) for text in _no_bus(configuration.wheel.port, wire, the_map)]
     if configuration.wheel.echo and (wire.telemetry_s is not None or configuration.wheel.port.startswith(CAN_PORT)):
         text = f"wheel.echo is true, but {configuration.wheel.port} and {the_map} are of no serial line: drop it."
         found.append((("wheel", "echo"), text))
@@ -82,6 +83,25 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
         text = f"{too_hot} carries temperatures up to {wire.hottest_degC:g} degC: lower the limit."
         found.append((("limits", "temperature_degC"), text))
     return found
+
+
+def _no_bus(port: str, wire: WireLimits, the_map: str) -> Iterator[str]:
+    """What is wrong with a port that is a CAN bus by its name: else a run would refuse it, again at every start."""
+    if not port.startswith(CAN_PORT):
+        return
+    interface, _, channel = port.removeprefix(CAN_PORT).partition(":")
+    if not interface or not channel:
+        yield f"wheel.port is {port}, which names no CAN bus: write can:socketcan:can0, or can:slcan:/dev/ttyACM0."
+        return
+    if wire.telemetry_s is None:
+        yield f"wheel.port is {port}, a CAN bus, but {the_map} is for a serial line: give the wheel's own map of a bus."
+    try:
+        from can.interfaces import VALID_INTERFACES
+    except ImportError:  # which opening says, with what to install
+        return
+    if interface not in VALID_INTERFACES:
+        known = ", ".join(sorted(VALID_INTERFACES))
+        yield f"wheel.port is {port}, but python-can has no interface {interface}: one of {known}."
 
 
 def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> Iterator[tuple[tuple[str, ...], str]]:

@@ -321,6 +321,26 @@ def test_a_loop_that_does_not_fit_the_wheel_is_refused(
         checked_protocol(load_configuration(config))
 
 
+@pytest.mark.parametrize(
+    ("port", "protocol", "words"),
+    [
+        ("can:socketcan", "can-wheel", "names no CAN bus: write can:socketcan:can0"),
+        ("can:", "can-wheel", "names no CAN bus"),
+        ("can:sockcan:can0", "can-wheel", "python-can has no interface sockcan"),
+        ("can:socketcan:can0", "sunspace-wheel", "is for a serial line"),
+    ],
+)
+def test_a_port_that_is_no_bus_is_refused_before_a_run(
+    tmp_path: Path, port: str, protocol: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run would end with status 1, and a service start it for ever: check-config and a run's start say it, with 2."""
+    config = write_config(tmp_path, port, wheel={"protocol": protocol})
+    assert main(["check-config", str(config)]) == 2
+    assert words in capsys.readouterr().err
+    with pytest.raises(ConfigError, match=words):
+        checked_protocol(load_configuration(config))
+
+
 def test_the_shipped_map_is_what_the_file_of_keys_knows() -> None:
     """Every key of the map's sections can be left out but those that are documented as required."""
     assert {name for name, key in CanFile.model_fields.items() if key.is_required()} == {
