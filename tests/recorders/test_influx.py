@@ -128,6 +128,22 @@ def test_a_server_that_is_away_gets_everything_later(tmp_path: Path, monkeypatch
     assert not made.unwritten
 
 
+@pytest.mark.parametrize(("status", "waits"), [(401, True), (403, True), (400, False), (404, False)])
+def test_a_server_that_refuses_is_told_from_one_that_is_away(tmp_path: Path, status: int, waits: bool) -> None:
+    """Without a token rows wait for one, which is named; rows that are never taken are given up, and counted."""
+    server = Server(status=status)
+    sink, made = recorder(tmp_path, "influx", f"http://127.0.0.1:{server.port}/write")
+    for i in range(120):
+        sink.write(turn(i))
+        made.clock.sleep(0.1)
+    lost = made.unwritten.not_sent.get("influx", 0)
+    server.stop()
+    sink.close()
+    assert made.logger.events.count("influx_refused") == 1
+    assert (lost == 0) is waits
+    assert made.unwritten.not_sent["influx"] == 121  # and the word that the run has ended
+
+
 def test_what_nobody_took_is_counted_and_no_fault_of_the_run(tmp_path: Path) -> None:
     """Nobody listens to the end: every tick is counted, the oldest at once, and the run is not called unwritten."""
     with socket.create_server(("127.0.0.1", 0)) as free:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import urllib.error
 import urllib.request
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -27,6 +28,8 @@ _MOST_WAITING = 3000  # ticks for a server that does not answer: five minutes at
 _SEND_EVERY_S = 1.0
 _TRY_EVERY_S = 5.0
 _ANSWER_WITHIN_S = 3.0
+_NEVER_TAKEN = (400, 404, 413, 422)  # of the rows or the address, by the API: the same again is refused again
+_SHOWN_BYTES = 300
 _TEXT = str.maketrans({'"': r"\"", "\\": r"\\", "\n": " ", "\r": " "})
 
 
@@ -156,15 +159,36 @@ class _Http:
         request = urllib.request.Request(self._address, body, headers)
         try:
             urllib.request.urlopen(request, timeout=_ANSWER_WITHIN_S).close()
-        except (OSError, ValueError) as error:  # also a refusal by the server, which is an OSError in urllib
-            if self._reason is None:
-                self._say("influx_not_reached", reason=str(error), do="the newest five minutes wait")
-            self._reason = str(error)
-            self._due_s = self._clock.monotonic() + _TRY_EVERY_S
+        except urllib.error.HTTPError as error:
+            self._refused(error)
+            return
+        except (OSError, ValueError) as error:
+            self._wait("influx_not_reached", str(error), "the newest five minutes wait")
             return
         self._reason = None
         self._waiting.clear()
         self._due_s = self._clock.monotonic() + _SEND_EVERY_S
+
+    def _refused(self, error: urllib.error.HTTPError) -> None:
+        """The server is there: rows that it will never take are given up, for all others it is asked again."""
+        with error:
+            stated = " ".join(error.read(_SHOWN_BYTES).decode("utf-8", "replace").split())
+        reason = f"{error}: {stated}" if stated else str(error)
+        if error.code in (401, 403):
+            self._wait("influx_refused", reason, f"give a token that may write there in {TOKEN}; the newest rows wait")
+        elif error.code in _NEVER_TAKEN:
+            self._missed(len(self._waiting), reason)
+            self._waiting.clear()
+            self._wait("influx_refused", reason, "these rows are given up, and counted")
+        else:
+            self._wait("influx_not_reached", reason, "the newest five minutes wait")
+
+    def _wait(self, event: str, reason: str, do: str) -> None:
+        """Until the next try. It is said with the first of an outage."""
+        if self._reason is None:
+            self._say(event, reason=reason, do=do)
+        self._reason = reason
+        self._due_s = self._clock.monotonic() + _TRY_EVERY_S
 
 
 def recorder_of(run: RunContext) -> InfluxRecorder:
