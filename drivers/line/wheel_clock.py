@@ -12,9 +12,8 @@ SLACK_SHARE = 0.02
 # A clock is taken to run as the host's unless its first two seconds show that it does not, by more than this.
 FIXED_AFTER_S = 2.0
 SAME_RATE = 0.005
-# A clock that has jumped so often within so many readings is not a clock.
-MOST_JUMPS = 3
-AMONG_READINGS = 20
+# A clock that has jumped so often within so many readings is not a clock: at once, or once a second for a minute.
+MOST_JUMPS = ((3, 20), (8, 600))
 
 
 class WheelClock:
@@ -48,7 +47,7 @@ class WheelClock:
         self._settled = False  # whether an interval has agreed with it
         self._fixed = False  # whether it has been found for good
         self._candidate: float | None = None
-        self._jumped: deque[bool] = deque(maxlen=AMONG_READINGS)
+        self._jumped: deque[bool] = deque(maxlen=max(among for _, among in MOST_JUMPS))
 
     def note_restart(self) -> None:
         """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once.
@@ -157,11 +156,13 @@ class WheelClock:
         return rate * least_s - slack_s <= advance_s <= rate * most_s + slack_s
 
     def _jump(self, advance_s: float, most_s: float) -> None:
-        if sum(self._jumped) >= MOST_JUMPS:
+        latest = list(self._jumped)
+        often = [(most, among) for most, among in MOST_JUMPS if sum(latest[-among:]) >= most]
+        if often:
             self.believed, self.rate = False, 1.0
             self._start_over(
                 "clock_not_believed",
-                f"the wheel's clock does not agree with this computer's ({MOST_JUMPS} jumps within {AMONG_READINGS} "
+                f"the wheel's clock does not agree with this computer's ({often[0][0]} jumps within {often[0][1]} "
                 "readings): from here on time is counted by this computer",
             )
             return

@@ -102,6 +102,20 @@ def test_a_clock_that_jumps_again_and_again_is_not_believed() -> None:
     assert steps == pytest.approx([0.1] * 29, abs=1e-6)
 
 
+def test_a_clock_that_jumps_once_a_second_is_not_believed_for_long() -> None:
+    """Each tenth reading is 70 s on: eight segments, then the host counts; a jump a minute stays a jump."""
+    clock = WheelClock()
+    reported = follow(clock, *((100.0 + 0.1 * i + 70.0 * (i // 10), 0.1 * i) for i in range(300)))
+    assert not clock.believed
+    assert clock.segment == 8
+    steps = [b[0] - a[0] for a, b in itertools.pairwise(reported[120:])]
+    assert steps == pytest.approx([0.1] * len(steps), abs=1e-6)
+    seldom = WheelClock()
+    follow(seldom, *((100.0 + 0.1 * i + 70.0 * (i // 600), 0.1 * i) for i in range(6000)))
+    assert seldom.believed
+    assert seldom.segment == 9
+
+
 @pytest.mark.parametrize("stalled", [(3, 5, 8), (4, 9, 14, 19), (2,)])
 def test_turns_that_are_late_while_the_rate_is_found_are_no_jumps(stalled: tuple[int, ...]) -> None:
     """A clock eight times as fast at 80 turns a second on a busy machine: short turns agree with any rate, late ones
