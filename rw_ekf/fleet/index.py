@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -113,9 +114,12 @@ def built_index(directory: Path, known: FleetIndex | None = None, *, keep_gone: 
     before = {} if known is None or known.stats is None else known.stats
     stats: dict[str, tuple[int, int, str]] = {}
     logs, left_out = [], []
+    serials: dict[str, int] = {}  # by log, where its metadata say which wheel it was
     for folder, stem, files in _runs(root):
         try:
-            logs.append(_fleet_log(root, folder, stem, files, before, stats))
+            log, serial = _fleet_log(root, folder, stem, files, before, stats)
+            logs.append(log)
+            serials |= {} if serial is None else {log.log: serial}
         except ConfigError as error:
             left_out.append(error.findings[0])
         except LookupError as error:
@@ -123,7 +127,8 @@ def built_index(directory: Path, known: FleetIndex | None = None, *, keep_gone: 
         except OSError as error:
             left_out.append(f"{error.filename}: cannot be read ({error.strerror})")
     logs, copies = _without_copies(logs)
-    left_out += copies
+    logs, others = _of_one_wheel_each(logs, serials)
+    left_out += [*copies, *others]
     if keep_gone and known is not None:
         here = {(log.wheel, log.log) for log in logs}
         gone = [log for log in known.logs if (log.wheel, log.log) not in here and not _any_there(root, log.files)]
@@ -180,8 +185,11 @@ def _is_own(folder: Path, name: str) -> bool:
 def _fleet_log(
     root: Path, folder: Path, stem: str, files: list[Path], before: Mapping[str, tuple[int, int, str]],
     stats: dict[str, tuple[int, int, str]],
-) -> FleetLog:  # fmt: skip
-    """One log. Raises LookupError with a sentence where it is not known whose it is or when it began."""
+) -> tuple[FleetLog, int | None]:  # fmt: skip
+    """One log, and the serial number of the wheel that answered in it.
+
+    Raises LookupError with a sentence where it is not known whose it is or when it began.
+    """
     log = folder / f"{stem}{FORMS[0]}"
     metadata = read_metadata(log)
     place = folder.relative_to(root).parts
@@ -202,7 +210,8 @@ def _fleet_log(
     size = sum(stats[name][0] for name in names)
     per_row = _PLAIN_BYTES if files[0].suffix == FORMS[0] else _PACKED_BYTES
     name = names[0] if len(names) == 1 else str(log.relative_to(root))
-    return FleetLog(wheel, name, names, utc_text(begins), content, size, max(size // per_row, 1))
+    serial = None if metadata is None or metadata.identity is None else metadata.identity.serial_number
+    return FleetLog(wheel, name, names, utc_text(begins), content, size, max(size // per_row, 1)), serial
 
 
 def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]]:
@@ -217,6 +226,25 @@ def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]
         if first is not log:
             stated.append(f"{log.log}: is a copy of {first.log}")
     return list(kept.values()), stated
+
+
+def _of_one_wheel_each(logs: Sequence[FleetLog], serials: Mapping[str, int]) -> tuple[list[FleetLog], list[str]]:
+    """The logs without those that another wheel left than most of its name, by serial number. And what is said."""
+    usual: dict[str, int] = {}
+    for name in {log.wheel for log in logs if log.log in serials}:
+        known = Counter(serials[log.log] for log in logs if log.wheel == name and log.log in serials)
+        usual[name] = known.most_common(1)[0][0]
+    kept, stated = [], []
+    for log in logs:
+        serial = serials.get(log.log)
+        if serial is None or serial == usual[log.wheel]:
+            kept.append(log)
+        else:
+            stated.append(
+                f"{log.log}: is of the wheel with serial number {serial}, and {log.wheel} has {usual[log.wheel]}: "
+                "put it into a folder of that wheel's name"
+            )
+    return kept, stated
 
 
 def _wheel(place: Iterable[str], metadata: RunMetadata | None) -> str:

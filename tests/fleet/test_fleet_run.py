@@ -17,6 +17,7 @@ import pytest
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.fleet.executors import Done, Executor
 from rw_ekf.fleet.folder import fleet_folder
+from rw_ekf.fleet.index import built_index
 from rw_ekf.fleet.manifest import read_manifest
 from rw_ekf.fleet.plan import EVERY_WHEEL, FleetSettings
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, truth_of
@@ -262,6 +263,16 @@ def test_spikes_that_the_watch_reported_stand_in_the_results(tmp_path: Path) -> 
     write_run(tmp_path / "logs", 0.0, 1.0, [0.1, 0.2, 0.3])
     assert run_with(InThisProcess(), tmp_path / "logs").computed == 2
     assert spikes() == [3, None]
+
+
+def test_a_log_of_another_wheel_under_a_wheel_s_name_is_left_out(tmp_path: Path) -> None:
+    """Of three runs in a folder one has another serial number: it is named, and the others are the wheel's."""
+    for day, serial in ((0.0, 4), (1.0, 6), (2.0, 4), (3.0, None)):
+        write_run(tmp_path / "wheel=A", day, 1.0, [], serial=serial)
+    index = built_index(tmp_path)
+    assert len(index.logs) == 3
+    (stated,) = index.left_out
+    assert "is of the wheel with serial number 6, and A has 4" in stated
 
 
 def test_no_more_than_a_window_is_in_flight(tmp_path: Path) -> None:
