@@ -10,7 +10,7 @@ from rw_ekf.arrays import BoolArray
 from rw_ekf.fleet.daily import WheelDays
 from rw_ekf.fleet.result_rows import MANY_REJECTED
 
-_NOISY = 2.0  # times the usual innovation of a wheel's days; of simulated healthy fleets no day reaches 1.3
+_NOISY = 2.0  # times the usual innovation of a wheel's days; in simulated fleets a day with spikes reaches 1.4
 
 
 class Trouble(NamedTuple):
