@@ -31,7 +31,7 @@ CARRY_KEY, ROWS_KEY = b"rw_ekf.carry", b"rw_ekf.rows"
 _NUMBERS = ("nis_mean", "nis_inside_95", "innovation_rms_rpm", "temperature_degC", "speed_rms_rpm", "current_rms_A")
 _COUNTS = ("samples", "missing", "rejected", "reseeded", "resets")
 # Of a day's readings. A healthy wheel has one in ten thousand beyond the gate, a day of a simulated fleet with drag
-# spikes up to three in a hundred. Chosen: with a third less such a day is all but named, with a third more the same are.
+# spikes up to three in a hundred. Chosen: with a third less such a day is all but named.
 MANY_REJECTED = 0.05
 
 
