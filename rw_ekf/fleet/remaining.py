@@ -47,8 +47,8 @@ def limits_of(texts: Sequence[str]) -> dict[str, Limit]:
     for text in texts:
         match = _LIMIT.fullmatch(text)
         try:
-            if match is None or match[1] not in PARAMETER_NAMES:
-                raise ValueError
+            if match is None or match[1] not in PARAMETER_NAMES or (match[2] == "+" and not match[4]):
+                raise ValueError  # +50 without its % would be a value
             number = float(match[3])
         except ValueError:
             raise BadInputError(

@@ -331,7 +331,7 @@ def test_limits_are_typed_as_values_or_shares() -> None:
         "coulomb": Limit("coulomb", 0.9), "viscous": Limit("viscous", None, 0.5)
     }  # fmt: skip
     assert Limit("coulomb", None, -0.1).of(0.6) == pytest.approx(0.54)
-    for text in ("coulomb", "friction=1", "coulomb=a"):
+    for text in ("coulomb", "friction=1", "coulomb=a", "coulomb=+50"):
         with pytest.raises(BadInputError, match="NAME=VALUE"):
             limits_of([text])
 
