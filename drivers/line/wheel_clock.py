@@ -12,8 +12,9 @@ SLACK_SHARE = 0.02
 # A clock is taken to run as the host's unless its first two seconds show that it does not, by more than this.
 FIXED_AFTER_S = 2.0
 SAME_RATE = 0.005
-# A clock that has jumped so often within so many readings is not a clock: at once, or once a second for a minute.
-MOST_JUMPS = ((3, 20), (8, 600))
+# A clock that has jumped so often within so many readings, or within such a time, is not a clock.
+MOST_JUMPS, AMONG_READINGS = 3, 20
+MOST_IN_TIME, WITHIN_S = 8, 60.0
 
 
 class WheelClock:
@@ -47,7 +48,8 @@ class WheelClock:
         self._settled = False  # whether an interval has agreed with it
         self._fixed = False  # whether it has been found for good
         self._candidate: float | None = None
-        self._jumped: deque[bool] = deque(maxlen=max(among for _, among in MOST_JUMPS))
+        self._jumped: deque[bool] = deque(maxlen=AMONG_READINGS)
+        self._jumped_at_s: deque[float] = deque(maxlen=MOST_IN_TIME)  # by the host's clock
 
     def note_restart(self) -> None:
         """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once.
@@ -99,7 +101,7 @@ class WheelClock:
             self._flag_expected = advance_s < 0.0 and not self._restart_noted
             self._start_over("wheel_restarted", f"the wheel restarted: its uptime is {uptime_s:.3f} s")
         elif self.believed and not self._consistent(advance_s, least_s, most_s, count_s):
-            self._jump(advance_s, most_s)
+            self._jump(advance_s, most_s, wanted_s)
         return self._take(uptime_s, wanted_s, came_s)
 
     def between_s(self, wanted_s: float) -> float:
@@ -155,15 +157,19 @@ class WheelClock:
         slack_s = rate * (SLACK_S + SLACK_SHARE * most_s) + 2.0 * count_s
         return rate * least_s - slack_s <= advance_s <= rate * most_s + slack_s
 
-    def _jump(self, advance_s: float, most_s: float) -> None:
-        latest = list(self._jumped)
-        often = [(most, among) for most, among in MOST_JUMPS if sum(latest[-among:]) >= most]
-        if often:
+    def _jump(self, advance_s: float, most_s: float, host_s: float) -> None:
+        self._jumped_at_s.append(host_s)
+        at_s, within = self._jumped_at_s, ""
+        if len(at_s) == MOST_IN_TIME and at_s[-1] - at_s[0] < WITHIN_S:
+            within = f"{MOST_IN_TIME} jumps within {at_s[-1] - at_s[0]:.0f} s"
+        if sum(self._jumped) >= MOST_JUMPS:
+            within = f"{MOST_JUMPS} jumps within {AMONG_READINGS} readings"
+        if within:
             self.believed, self.rate = False, 1.0
             self._start_over(
                 "clock_not_believed",
-                f"the wheel's clock does not agree with this computer's ({often[0][0]} jumps within {often[0][1]} "
-                "readings): from here on time is counted by this computer",
+                f"the wheel's clock does not agree with this computer's ({within}): from here on time is counted by "
+                "this computer",
             )
             return
         passed = f"{advance_s:+.3f} s while {most_s:.3f} s passed here"

@@ -91,6 +91,7 @@ class Bench:
         self._claim = PortClaim(configuration.wheel.port, clock)
         self._live: LiveWheel | None = None
         self._opposite = OppositeTold()
+        self._driven = False  # whether the move has asked for a current
         self._began_s = self._unknown_since_s = 0.0
         self.lasted_s = 0.0
 
@@ -136,6 +137,7 @@ class Bench:
     def run(self, move: Move, at_most_s: float) -> list[Row]:
         """Go through a move, or so much of it; then zero. Raises Stopped, RefusedError, DriverError."""
         rows: list[Row] = []
+        self._driven = False
         try:
             next(move)
             for reading in self.live.readings(lambda: at_most_s):
@@ -164,6 +166,7 @@ class Bench:
             wanted_A = move.send(sample)
             held = abs(speed) > self.ceiling_rad_s or self.live.check.hold is not None
             wanted_A = 0.0 if held else wanted_A
+            self._driven = self._driven or wanted_A != 0.0
         issued = self.live.issue(lambda tick: wanted_A, _tick(sample, link))
         self._hold_against(issued)
         known = issued is not None and issued.acknowledged
@@ -199,13 +202,12 @@ class Bench:
         why, now_s = self.live.check.hold, self.clock.monotonic()
         if why != IDENTITY_UNKNOWN:
             self._unknown_since_s = now_s
-        elif now_s - self._unknown_since_s < _DEAD_AFTER_S:
-            return  # after a silence it is asked again who it is, and answers in a turn or two
-        if why is not None:
-            about = "; ".join(self.live.check.findings)
-            if why == IDENTITY_UNKNOWN:
-                about = "after a silence it answers, and does not say which wheel it is: start again"
-            raise RefusedError(f"the wheel must not be driven: {about or why}")
+        if why == IDENTITY_UNKNOWN and (self._driven or now_s - self._unknown_since_s > _DEAD_AFTER_S):
+            # Before any current it is waited for, as it answers in a turn or two; a move cannot go on behind a hold.
+            about = "after a silence it answers, and does not say at once which wheel it is: start again"
+            raise RefusedError(f"the wheel must not be driven: {about}")
+        if why not in (None, IDENTITY_UNKNOWN):
+            raise RefusedError(f"the wheel must not be driven: {'; '.join(self.live.check.findings) or why}")
         speed = None if reading.sample is None else reading.sample.speed_rad_s
         if speed is not None and abs(speed) > _RUNS_AWAY * self.ceiling_rad_s:
             raise RefusedError(

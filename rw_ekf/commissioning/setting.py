@@ -8,6 +8,7 @@ from typing import Any
 
 from rw_ekf.checking.yaml_loader import YamlDocument
 from rw_ekf.commissioning.progress import Progress
+from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.settings.load import configuration_from, load_configuration
 from rw_ekf.settings.schema import Configuration
@@ -68,9 +69,19 @@ def write_configuration(progress: Progress, model: str | None = None) -> Path:
     """Write wheel.yaml, with what each key stands on. Raises ConfigError where it would be none, BadInputError."""
     path = progress.directory / CONFIGURATION_FILE
     text = _text(progress, model)
+    if progress["model"] is None and model is None and path.exists() and not _is_unfinished(path):
+        path.replace(path.with_suffix(".before.yaml"))  # a service may stand on it
     write_text(path, text)
     load_configuration(path)
     return path
+
+
+def _is_unfinished(path: Path) -> bool:
+    """Whether a configuration is one of a commissioning under way: it names no model."""
+    try:
+        return load_configuration(path).filter.model is None
+    except ConfigError:
+        return False
 
 
 def _text(progress: Progress, model: str | None) -> str:

@@ -49,7 +49,7 @@ def commission(
     if any(progress[step] is None for step in _MOVES):
         with interruptible():
             agree_to_move(work)
-    if progress["sign"] is None:
+    if any(progress[step] is None for step in _MOVES):
         write_configuration(progress)  # before any current: a wheel that does not confirm zero is stopped by it
     if progress["still"] is None:
         with work.at_the_wheel() as bench:

@@ -26,7 +26,7 @@ _STEP_SHARE = 0.1  # of the parameter: the size of a step before it is seen [1 s
 _STEPS_PER_YEAR = 0.1  # before anything is seen; chosen: one in ten years of a wheel
 STEP_PROBABILITY = 0.95  # above which a step is told
 _MOST_STEPS = 4
-LEAST_BESIDE = 2  # points on either side of a step
+_LEAST_BESIDE = 2  # points on either side of a step
 
 
 @dataclass(eq=False, frozen=True)
@@ -189,7 +189,7 @@ class _Grid:
         """Places of a further step: with points on either side, and not beside one that stands."""
         n = self._points.time_y.size
         taken = {place + off for place in self._places for off in (-1, 0, 1)}
-        return [place for place in range(LEAST_BESIDE - 1, n - LEAST_BESIDE) if place not in taken]
+        return [place for place in range(_LEAST_BESIDE - 1, n - _LEAST_BESIDE) if place not in taken]
 
 
 def _risen(n: int, place: int) -> Float64Array:

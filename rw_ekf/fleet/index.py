@@ -45,6 +45,7 @@ class FleetLog:
     bytes: int
     samples: int  # roughly: what tasks are measured out by
     gone: bool = False  # no longer there: what came of it stays
+    serial: int | None = None  # number of the wheel that answered, where the run's metadata say so
 
     @property
     def day(self) -> str:
@@ -114,12 +115,9 @@ def built_index(directory: Path, known: FleetIndex | None = None, *, keep_gone: 
     before = {} if known is None or known.stats is None else known.stats
     stats: dict[str, tuple[int, int, str]] = {}
     logs, left_out = [], []
-    serials: dict[str, int] = {}  # by log, where its metadata say which wheel it was
     for folder, stem, files in _runs(root):
         try:
-            log, serial = _fleet_log(root, folder, stem, files, before, stats)
-            logs.append(log)
-            serials |= {} if serial is None else {log.log: serial}
+            logs.append(_fleet_log(root, folder, stem, files, before, stats))
         except ConfigError as error:
             left_out.append(error.findings[0])
         except LookupError as error:
@@ -127,12 +125,13 @@ def built_index(directory: Path, known: FleetIndex | None = None, *, keep_gone: 
         except OSError as error:
             left_out.append(f"{error.filename}: cannot be read ({error.strerror})")
     logs, copies = _without_copies(logs)
-    logs, others = _of_one_wheel_each(logs, serials)
-    left_out += [*copies, *others]
+    left_out += copies
     if keep_gone and known is not None:
         here = {(log.wheel, log.log) for log in logs}
         gone = [log for log in known.logs if (log.wheel, log.log) not in here and not _any_there(root, log.files)]
         logs += [FleetLog(**{**asdict(log), "files": log.files, "gone": True}) for log in gone]
+    logs, others = _of_one_wheel_each(logs)
+    left_out += others
     if not logs:
         rest = f" ({left_out[0]})" if left_out else ""
         raise BadInputError(
@@ -185,11 +184,8 @@ def _is_own(folder: Path, name: str) -> bool:
 def _fleet_log(
     root: Path, folder: Path, stem: str, files: list[Path], before: Mapping[str, tuple[int, int, str]],
     stats: dict[str, tuple[int, int, str]],
-) -> tuple[FleetLog, int | None]:  # fmt: skip
-    """One log, and the serial number of the wheel that answered in it.
-
-    Raises LookupError with a sentence where it is not known whose it is or when it began.
-    """
+) -> FleetLog:  # fmt: skip
+    """One log. Raises LookupError with a sentence where it is not known whose it is or when it began."""
     log = folder / f"{stem}{FORMS[0]}"
     metadata = read_metadata(log)
     place = folder.relative_to(root).parts
@@ -211,7 +207,8 @@ def _fleet_log(
     per_row = _PLAIN_BYTES if files[0].suffix == FORMS[0] else _PACKED_BYTES
     name = names[0] if len(names) == 1 else str(log.relative_to(root))
     serial = None if metadata is None or metadata.identity is None else metadata.identity.serial_number
-    return FleetLog(wheel, name, names, utc_text(begins), content, size, max(size // per_row, 1)), serial
+    rows = max(size // per_row, 1)
+    return FleetLog(wheel, name, names, utc_text(begins), content, size, rows, serial=serial)
 
 
 def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]]:
@@ -228,20 +225,23 @@ def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]
     return list(kept.values()), stated
 
 
-def _of_one_wheel_each(logs: Sequence[FleetLog], serials: Mapping[str, int]) -> tuple[list[FleetLog], list[str]]:
-    """The logs without those that another wheel left than most of its name, by serial number. And what is said."""
-    usual: dict[str, int] = {}
-    for name in {log.wheel for log in logs if log.log in serials}:
-        known = Counter(serials[log.log] for log in logs if log.wheel == name and log.log in serials)
-        usual[name] = known.most_common(1)[0][0]
+def _of_one_wheel_each(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]]:
+    """The logs without those that another wheel left than most of its name, by serial number. And what is said.
+
+    Of as many on either side the wheel of the oldest log counts. Logs that are gone stay, and count as well.
+    """
+    serials: dict[str, Counter[int]] = {}
+    for log in sorted(logs, key=lambda log: log.begins_utc):
+        if log.serial is not None:
+            serials.setdefault(log.wheel, Counter())[log.serial] += 1
+    usual = {wheel: of_each.most_common(1)[0][0] for wheel, of_each in serials.items()}
     kept, stated = [], []
     for log in logs:
-        serial = serials.get(log.log)
-        if serial is None or serial == usual[log.wheel]:
+        if log.gone or log.serial in (None, usual.get(log.wheel)):
             kept.append(log)
         else:
             stated.append(
-                f"{log.log}: is of the wheel with serial number {serial}, and {log.wheel} has {usual[log.wheel]}: "
+                f"{log.log}: is of the wheel with serial number {log.serial}, and {log.wheel} has {usual[log.wheel]}: "
                 "put it into a folder of that wheel's name"
             )
     return kept, stated

@@ -8,6 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray
 from rw_ekf.fleet.daily import WheelDays
+from rw_ekf.fleet.points import KNOWS
 from rw_ekf.fleet.result_rows import MANY_REJECTED
 
 _NOISY = 2.0  # times the usual innovation of a wheel's days; in simulated fleets a day with spikes reaches 1.4
@@ -23,9 +24,10 @@ class Trouble(NamedTuple):
 def troubles_of(days: WheelDays) -> list[Trouble]:
     """What holds on the newest days of a wheel, the gravest first."""
     unknown = days.ok & ~np.any([np.isfinite(value) for value in days.values.values()], axis=0)
-    known = days.innovation_rpm[np.isfinite(days.innovation_rpm)]
+    moved = np.any([std < KNOWS * np.abs(days.values[name]) for name, std in days.stds.items()], axis=0)
+    known = days.innovation_rpm[moved & (days.innovation_rpm > 0.0)]  # at rest a reading on a grid misses nothing
     usual = float(np.quantile(known, 0.25)) if known.size else np.nan  # of a wheel that was good once
-    noisy = days.innovation_rpm > _NOISY * usual
+    noisy = moved & (days.innovation_rpm > _NOISY * usual)
     found = []
     for holds, text in (
         (days.misread, "its logs are misread: a column has another unit, another sign or is another wheel's"),

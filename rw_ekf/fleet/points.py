@@ -12,16 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
-from rw_ekf.fleet.course_fit import ANY_WALK, LEAST_BESIDE, CourseFit, Points, fit_course
+from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course
 from rw_ekf.fleet.daily import WheelDays
 
 DAYS_PER_YEAR = 365.25
 LEAST_POINTS = 5  # fewer tell no line from what scatters about it
-_KNOWS = 0.2  # of its own size: a day that does not know a parameter so well says nothing of per cents a year
+KNOWS = 0.2  # of its own size: a day that does not know a parameter so well says nothing of per cents a year
 _MOST = 64  # points of a fit, which takes the cube of them; a year of days in weeks loses nothing of a line
 _BESIDE = 5  # days on either side that say whether one is far off
 _FAR = 6.0  # robust sigmas
-_ALIKE = 0.5  # of the smaller: days beyond the last step differ by no more in how far they are off
+_GAP = 0.5  # of the span of the eleven nearest: a day beyond a longer gap has nothing beside it
+_APART_K, _PAIRED = 1.0, 400  # of two days that say what a kelvin does; days at most, for the pairs are its square
 _LEAST_WARMTH_K = 2.0  # between the coldest and the warmest day: else temperature explains nothing
 _ROUNDS = 3  # in which steps are found and their days sought
 _NORMAL_SQUARE = 0.4549  # median of the square of a standard normal number
@@ -78,13 +79,15 @@ def known_days(days: WheelDays, parameter: str, reference_degC: float | None) ->
     value, std = days.values[parameter], days.stds[parameter]
     known = days.ok & np.isfinite(value) & np.isfinite(std) & (std > 0.0)
     rows = np.flatnonzero(known)
-    rows = rows[std[rows] < _KNOWS * np.abs(value[rows])]
+    rows = rows[std[rows] < KNOWS * np.abs(value[rows])]
     if rows.size < LEAST_POINTS:
         return None
-    off, far = far_off(value[rows], std[rows])
-    left_out, far_by, rows = rows[far], (off / np.abs(value[rows] - off))[far], rows[~far]
     warmth = _warmth(days.temperature_degC[rows], reference_degC)
+    like_others = value[rows] if warmth is None else value[rows] - _per_K(value[rows], warmth) * warmth
+    off, far = far_off(like_others, std[rows], days.time_d[rows])
+    left_out, far_by, rows = rows[far], (off / np.abs(like_others - off))[far], rows[~far]
     if warmth is not None:
+        warmth = warmth[~far]
         reported = np.isfinite(warmth)
         rows, warmth = rows[reported], warmth[reported]
     if rows.size < LEAST_POINTS or days.time_d[rows[-1]] <= days.time_d[rows[0]]:
@@ -93,36 +96,55 @@ def known_days(days: WheelDays, parameter: str, reference_degC: float | None) ->
     return KnownDays(rows, left_out, far_by, time_y, value[rows], std[rows] ** 2, warmth)
 
 
-def far_off(value: Float64Array, std: Float64Array) -> tuple[Float64Array, BoolArray]:
+def far_off(value: Float64Array, std: Float64Array, time_d: Float64Array) -> tuple[Float64Array, BoolArray]:
     """By how much each day is off the median of the eleven around it, and whether that is far, as with a spike: (n,).
 
     At an end the eleven nearest days stand for those around. There a course that falls or rises is followed by a line,
-    and two days or more up to the end that are off alike are no odd ones but what comes behind a step.
+    a day beyond a long gap is not judged, and of days running that are far to one side none is odd: a wheel that fails
+    is off by more each day.
     """
-    n = value.size
-    if n <= 2 * _BESIDE:
+    n, reach = value.size, 2 * _BESIDE + 1
+    if n < reach:
         return np.zeros(n), np.zeros(n, dtype=bool)
-    first = np.clip(np.arange(n) - _BESIDE, 0, n - 2 * _BESIDE - 1)
-    around = np.lib.stride_tricks.sliding_window_view(value, 2 * _BESIDE + 1)[first]
+    first = np.clip(np.arange(n) - _BESIDE, 0, n - reach)
+    around = np.lib.stride_tricks.sliding_window_view(value, reach)[first]
     off = value - np.median(around, axis=1)
     least = _FAR * np.maximum(1.4826 * np.median(np.abs(off)), std)
     far = np.abs(off) > least
-    for rows in (np.arange(_BESIDE), np.arange(n - 1, n - 1 - _BESIDE, -1)):
-        inwards = np.arange(2 * _BESIDE + 1) if rows[0] == 0 else np.arange(n - 1, n - 2 * _BESIDE - 2, -1)
-        far[rows] &= np.abs(value[rows] - _robust_line(value[inwards])[:_BESIDE]) > least[rows]
-        run = int(np.argmin(np.append(far[rows] & (np.sign(off[rows]) == np.sign(off[rows[0]])), False)))
-        sizes = np.abs(off[rows[:run]])
-        if run >= LEAST_BESIDE and np.ptp(sizes) < _ALIKE * sizes.min():
-            far[rows[:run]] = False
+    side = np.where(far, np.sign(off), 0.0)
+    beside = (side == np.r_[0.0, side[:-1]]) | (side == np.r_[side[1:], 0.0])
+    for near in (slice(0, reach), slice(n - reach, n)):
+        ends = np.arange(_BESIDE) if near.start == 0 else np.arange(n - _BESIDE, n)
+        line = _robust_line(time_d[near], value[near], time_d[ends])
+        judged = ~beside[ends] & ~_beyond_gap(time_d[near], outwards=-1 if near.start == 0 else 1)
+        far[ends] &= judged & (np.abs(value[ends] - line) > least[ends])
     return off, far
 
 
-def _robust_line(value: Float64Array) -> Float64Array:
-    """The line of Theil and Sen through values at equal distances, (n,): the median of all slopes between two."""
-    at = np.arange(value.size)
+def _beyond_gap(time_d: Float64Array, outwards: int) -> BoolArray:
+    """Of the days at the outer end of a window: whether a gap lies between them and all behind them, (_BESIDE,)."""
+    gaps = np.diff(time_d)
+    long = gaps > _GAP * (time_d[-1] - time_d[0])
+    if outwards > 0:
+        return np.asarray(np.logical_or.accumulate(long)[-_BESIDE:])
+    return np.asarray(np.logical_or.accumulate(long[::-1])[::-1][:_BESIDE])
+
+
+def _robust_line(time_d: Float64Array, value: Float64Array, at_d: Float64Array) -> Float64Array:
+    """The line of Theil and Sen through values, at other times: the median of all slopes between two of them."""
     one, other = np.triu_indices(value.size, 1)
-    slope = float(np.median((value[other] - value[one]) / (other - one)))
-    return np.asarray(slope * at + np.median(value - slope * at))
+    apart = time_d[other] > time_d[one]
+    slope = float(np.median((value[other] - value[one])[apart] / (time_d[other] - time_d[one])[apart]))
+    return np.asarray(slope * at_d + np.median(value - slope * time_d))
+
+
+def _per_K(value: Float64Array, warmth_K: Float64Array) -> float:
+    """What a kelvin does, by the median of all pairs of days that are a kelvin apart; none of them: nothing."""
+    rows = np.linspace(0, value.size - 1, min(value.size, _PAIRED)).astype(int)
+    one, other = np.triu_indices(rows.size, 1)
+    change, apart = np.diff(value[rows][[one, other]], axis=0)[0], np.diff(warmth_K[rows][[one, other]], axis=0)[0]
+    told = np.abs(apart) > _APART_K
+    return float(np.median(change[told] / apart[told])) if told.any() else 0.0
 
 
 def _warmth(temperature_degC: Float64Array, reference_degC: float | None) -> Float64Array | None:

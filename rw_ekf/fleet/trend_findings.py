@@ -97,7 +97,7 @@ def _until(left: Remaining) -> str:
     if left.years_50 == 0.0:
         return "has reached"
     if left.years_95 == float("inf"):
-        return f"reaches in {left.years_05:.2g} years at the soonest"
+        return f"reaches in {left.years_05:.2g} years or later, or never,"
     return f"reaches in {left.years_05:.2g} to {left.years_95:.2g} years"
 
 

@@ -211,6 +211,7 @@ def _context(
         link=lambda: live.link,
         halted=lambda: live.halted,
         timing=live.timing,
+        period_s=1.0 / configuration.loop.rate_hz,
         learning=Learning(start, lambda: watches.wheel, lambda: watches.doubt),
         process={},
     )

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
     from rw_ekf.settings.schema import Configuration
 
-_STALE_S = 5.0  # the state file is replaced once a second
+_STALE_S, _STALE_TURNS = 5.0, 3.0  # the state file is replaced once a second, or once a turn
 _MOST_BYTES = 1_000_000  # one has some 3 kB
 _MOST_BYTES_OF_WORD = 65_536
 
@@ -57,6 +56,7 @@ class _StateFile(BaseModel, extra="allow"):
     resume_signal: StrictInt | None = None
     run_state: str
     utc: str | None = None
+    period_s: float = Field(0.1, gt=0.0)
     began_utc: str | None = None
     ended_utc: str | None = None
     since_utc: str | None = None
@@ -83,10 +83,15 @@ class Published:
         return str(self.document["run_state"])
 
     def silence(self, utc: datetime) -> str:
-        """A remark on a process that runs and has published nothing for five seconds; empty where it has. utc: now."""
+        """A remark on a process that runs and has published nothing for long; empty where it has. utc: now.
+
+        For five seconds, or where its loop is slower than that for three turns.
+        """
         published = moment_of(self.document.get("utc"))
-        age_s = math.inf if published is None else (utc - published).total_seconds()
-        if not self.alive or age_s <= _STALE_S:
+        if not self.alive or published is None:
+            return "" if not self.alive else " (when it published this is not known)"
+        age_s = (utc - published).total_seconds()
+        if age_s <= max(_STALE_S, _STALE_TURNS * float(self.document.get("period_s", 0.0))):
             return ""
         return f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does or is full)"
 

@@ -171,10 +171,11 @@ def _say(
     expected = True
     if watch.opposite.is_certain:
         text = f"{watch.opposite.text(place)}."
-    elif watch.spoilt > watch.pieces:
+    elif watch.lost_s > watch.used_s + watch.quiet_s:
+        whole_s = watch.lost_s + watch.used_s + watch.quiet_s
         text = (
-            f"amid {watch.spoilt} of {watch.spoilt + watch.pieces} half seconds of pulses up to {move.current_A:.3g} A "
-            "replies were lost, so that too few show what a current does: see to the line."
+            f"lost replies spoilt {watch.lost_s:.2g} of {whole_s:.2g} s of pulses up to {move.current_A:.3g} A, and "
+            "the rest does not show what a current does: see to the line."
         )
     elif watch.pieces > 0:
         text = (

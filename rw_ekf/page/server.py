@@ -124,6 +124,7 @@ class Watcher:
     def __init__(self, feed: RunFeed) -> None:
         self.clients: set[asyncio.Queue[bytes]] = set()
         self._silent_looks = 0
+        self._last_state: list[bytes] = []
         self.top_rad_s = 1.0  # up to which friction is shown, as was asked for last
         self._feed = feed
         self._task: asyncio.Task[None] | None = None
@@ -141,10 +142,9 @@ class Watcher:
             self.clients.discard(queue)
 
     def end(self) -> None:
-        """The last that is published, and no more messages: who is connected is let go of."""
-        state = self._feed.state() if self.clients else None
+        """The last that was published, and no more messages: who is connected is let go of."""
         for queue in self.clients:
-            _put(queue, *([] if state is None else [_event(state)]), _OVER)
+            _put(queue, *self._last_state, _OVER)
 
     async def _watch(self) -> None:
         try:
@@ -169,6 +169,7 @@ class Watcher:
                 self.top_rad_s = max(self.top_rad_s, 1.1 * max(speeds, default=0.0))
             if state is not None:
                 news.append(state)
+                self._last_state = [_event(state)]
             if with_curve:
                 if now != models:
                     news.append({"kind": "models"})

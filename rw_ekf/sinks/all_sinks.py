@@ -54,6 +54,7 @@ class RunContext:
     in_order: Callable[[], bool] = lambda: True  # whether the run, when it is over, has not crashed
     halted: Callable[[], str | None] = lambda: None  # why it ended before its time, where the wheel must not be driven
     compensated: bool = False  # whether friction may be compensated
+    period_s: float = 0.1  # of the loop
     total_s: Callable[[], float | None] = lambda: None
     phase: Phase | None = None
     label: str = ""  # of the wheel, where several are shown on one terminal

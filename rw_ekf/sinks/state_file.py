@@ -47,6 +47,7 @@ class StateFileSink:
             "log": run.files.log.name,
             **run.process,
             "utc": utc_text(run.clock.utc()),
+            "period_s": run.period_s,
             "began_utc": run.began.since_utc,
             "ended_utc": ended_utc,
             "run_state": now.state.value,

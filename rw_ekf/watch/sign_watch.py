@@ -76,7 +76,9 @@ class SignWatch:
         self._nis = 1.0
         self._skipped = False
         self.pieces = 0
-        self.spoilt = 0  # pieces amid which a reply was lost, so that nobody knows what turned the wheel
+        # Of the time by what it says: pieces of motion, pieces at rest, and what a lost reply spoilt, for nobody knows
+        # what turned the wheel in it [s].
+        self.used_s = self.quiet_s = self.lost_s = 0.0
         self._waiting: Tick | None = None  # whose reading leaps
         self.opposite = OppositeTold()
         self._last: WheelSample | None = None
@@ -191,7 +193,8 @@ class SignWatch:
         self._last, self._at_s = sample, sample.time_s
         if not same or last is None or not 0.0 < sample.time_s - last.time_s < LONGEST_STEP_S or following is None:
             self._in_force_A = None
-            self.spoilt += same and self._T > 0.0
+            if same and last is not None:
+                self.lost_s += self._T + max(sample.time_s - last.time_s, 0.0)
             self._drop()
             self._from_rad_s = sample.speed_rad_s
             if same and following is not None:
@@ -208,9 +211,12 @@ class SignWatch:
         self._dry += math.copysign(whole, speed)
         if self._T >= PIECE_S - 1.0e-6:
             if not self._known:
-                self.spoilt += 1
+                self.lost_s += self._T
             elif self._fastest > self._at_rest:
+                self.used_s += self._T
                 self._take(sample.speed_rad_s - self._from_rad_s)
+            else:
+                self.quiet_s += self._T
             self._drop()
             self._from_rad_s = sample.speed_rad_s
 

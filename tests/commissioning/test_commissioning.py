@@ -254,9 +254,11 @@ def test_a_short_silence_after_which_nobody_says_who_it_is_is_waited_for(tmp_pat
         directory.mkdir()
         with StopSignal() as stop:
             made = rig(USUAL, directory, clock, stop)
-            put_faults(made.server, f"silence@60s:0.7s,silence/identity@60s:{unknown_s}s")
+            put_faults(made.server, f"silence@20s:0.7s,silence/identity@20s:{unknown_s}s")
             clock.at(80.0, lambda stop=stop: stop.request("SIGTERM"))  # type: ignore[misc]
-            with pytest.raises(ends, match=None if ends is Stopped else "does not say which wheel it is: start again"):
+            with pytest.raises(
+                ends, match=None if ends is Stopped else "does not say at once which wheel it is: start again"
+            ):
                 commission(made.work)
         assert made.plant.current_A == 0.0
 

@@ -102,18 +102,26 @@ def test_a_clock_that_jumps_again_and_again_is_not_believed() -> None:
     assert steps == pytest.approx([0.1] * 29, abs=1e-6)
 
 
-def test_a_clock_that_jumps_once_a_second_is_not_believed_for_long() -> None:
-    """Each tenth reading is 70 s on: eight segments, then the host counts; a jump a minute stays a jump."""
+@pytest.mark.parametrize("rate_hz", [10, 100, 500])
+def test_a_clock_that_jumps_once_a_second_is_not_believed_for_long(rate_hz: int) -> None:
+    """At each second it is 70 s on: eight segments, then the host counts, at any rate of readings."""
     clock = WheelClock()
-    reported = follow(clock, *((100.0 + 0.1 * i + 70.0 * (i // 10), 0.1 * i) for i in range(300)))
+    at = [i / rate_hz for i in range(30 * rate_hz)]
+    reported = follow(clock, *((100.0 + t + 70.0 * (i // rate_hz), t) for i, t in enumerate(at)))
     assert not clock.believed
     assert clock.segment == 8
-    steps = [b[0] - a[0] for a, b in itertools.pairwise(reported[120:])]
-    assert steps == pytest.approx([0.1] * len(steps), abs=1e-6)
-    seldom = WheelClock()
-    follow(seldom, *((100.0 + 0.1 * i + 70.0 * (i // 600), 0.1 * i) for i in range(6000)))
-    assert seldom.believed
-    assert seldom.segment == 9
+    steps = [b[0] - a[0] for a, b in itertools.pairwise(reported[12 * rate_hz :])]
+    assert steps == pytest.approx([1.0 / rate_hz] * len(steps), abs=1e-6)
+
+
+@pytest.mark.parametrize("rate_hz", [1, 10])
+def test_a_clock_that_jumps_once_a_minute_has_a_segment_for_each(rate_hz: int) -> None:
+    """For ten minutes: nine jumps, and it is believed."""
+    clock = WheelClock()
+    at = [i / rate_hz for i in range(600 * rate_hz)]
+    follow(clock, *((100.0 + t + 70.0 * (i // (60 * rate_hz)), t) for i, t in enumerate(at)))
+    assert clock.believed
+    assert clock.segment == 9
 
 
 @pytest.mark.parametrize("stalled", [(3, 5, 8), (4, 9, 14, 19), (2,)])

@@ -116,7 +116,7 @@ def test_a_day_that_is_far_off_is_left_out_and_a_step_is_not() -> None:
     value = 0.6 + 0.001 * rng.standard_normal(60)
     value[30:] += 0.05
     value[10] += 0.1
-    assert np.flatnonzero(far_off(value, np.full(60, 0.001))[1]).tolist() == [10]
+    assert np.flatnonzero(far_off(value, np.full(60, 0.001), np.arange(60.0))[1]).tolist() == [10]
 
 
 @pytest.mark.parametrize("share", [0.05, 0.16, -0.3])
@@ -149,7 +149,37 @@ def test_a_course_that_rises_fast_has_no_odd_days_at_its_ends() -> None:
     """A wheel that ages by two scatters a day, straight: no day of it is far off what is around it."""
     rng = np.random.default_rng(17)
     value = 0.6 + 0.004 * np.arange(40) + 0.002 * rng.standard_normal(40)
-    assert not far_off(value, np.full(40, 0.001))[1].any()
+    assert not far_off(value, np.full(40, 0.001), np.arange(40.0))[1].any()
+
+
+@pytest.mark.parametrize("tail", [(5, 10, 15), (3, 6, 12, 24), (1, 2, 4, 7, 11), (2, 4, 6, 8, 10)])
+@pytest.mark.parametrize("n", [40, 200])
+def test_a_wheel_that_fails_by_more_each_day_is_not_taken_for_odd_days(tail: tuple[int, ...], n: int) -> None:
+    """Its last days are off by ever more per cents: all of them stay, and what they do is said."""
+    value = 0.6 * (1.0 + 0.001 * np.random.default_rng(1).standard_normal(n))
+    value[-len(tail) :] *= 1.0 + 0.01 * np.array(tail)
+    wheel = trends_of([wheel_days(value, 0.0005)], {}).wheels[0]
+    assert wheel.parameters["coulomb"].course.known.far_off.size == 0
+    assert [text for text in sentences(wheel) if text.startswith("coulomb stepped")]
+
+
+def test_a_day_beyond_a_long_gap_is_not_judged_by_those_before_it() -> None:
+    """A straight course with weeks without logs, in a store or between campaigns: no day of it is odd."""
+    rng = np.random.default_rng(1)
+    for at in (np.r_[0:12, 100], np.r_[0:5, 60:65, 120:125, 180], np.r_[0, 90:102]):
+        value = 0.6 * (1.0 + 0.0005 * at) * (1.0 + 0.0003 * rng.standard_normal(at.size))
+        assert not far_off(value, np.full(at.size, 0.0002), at.astype(np.float64))[1].any()
+
+
+def test_a_cold_day_is_not_an_odd_one_where_the_temperature_is_logged() -> None:
+    """The newest day is 20 K colder, a kelvin does 1 %: it is in the course; off by as much without a reason it is not."""
+    rng = np.random.default_rng(2)
+    warmth = 5.0 * np.sin(np.arange(40.0)) + np.where(np.arange(40) == 39, -20.0, 0.0)
+    value = 0.6 * (1.0 - 0.01 * warmth) * (1.0 + 0.001 * rng.standard_normal(40))
+    cold = trends_of([wheel_days(value, 0.0005, 20.0 + warmth)], {}).wheels[0]
+    assert cold.parameters["coulomb"].course.known.far_off.size == 0
+    odd = trends_of([wheel_days(value, 0.0005, 20.0 + warmth * (np.arange(40) < 39))], {}).wheels[0]
+    assert odd.parameters["coulomb"].course.known.far_off.tolist() == [39]
 
 
 @pytest.mark.parametrize("n", [5, 8, 14])

@@ -73,17 +73,18 @@ def test_a_line_that_was_torn_off_is_left_out(tmp_path: Path) -> None:
 class Server:
     """A server of InfluxDB that takes what is posted, while it is there."""
 
-    def __init__(self, port: int = 0, status: int = 204) -> None:
+    def __init__(self, port: int = 0, status: int = 204, most_bytes: int = 1 << 30) -> None:
         taken: list[bytes] = []
         tokens: list[str | None] = []
 
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self) -> None:
                 body = self.rfile.read(int(self.headers["Content-Length"]))
-                if status == 204:
+                answer = 413 if len(body) > most_bytes else status
+                if answer == 204:
                     taken.append(body)
                 tokens.append(self.headers["Authorization"])
-                self.send_response(status)
+                self.send_response(answer)
                 self.end_headers()
 
             def log_message(self, *arguments: Any) -> None:
@@ -128,7 +129,7 @@ def test_a_server_that_is_away_gets_everything_later(tmp_path: Path, monkeypatch
     assert not made.unwritten
 
 
-@pytest.mark.parametrize(("status", "waits"), [(401, True), (403, True), (400, False), (404, False)])
+@pytest.mark.parametrize(("status", "waits"), [(401, True), (403, True), (400, False), (422, False)])
 def test_a_server_that_refuses_is_told_from_one_that_is_away(tmp_path: Path, status: int, waits: bool) -> None:
     """Without a token rows wait for one, which is named; rows that are never taken are given up, and counted."""
     server = Server(status=status)
@@ -142,6 +143,31 @@ def test_a_server_that_refuses_is_told_from_one_that_is_away(tmp_path: Path, sta
     assert made.logger.events.count("influx_refused") == 1
     assert (lost == 0) is waits
     assert made.unwritten.not_sent["influx"] == 121  # and the word that the run has ended
+
+
+def test_what_waited_goes_in_parts_that_the_server_takes_and_another_trouble_is_said(tmp_path: Path) -> None:
+    """Away, then without a token, then there for 4 kB at a time: each is said once, and every sample arrives."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    sink, made = recorder(tmp_path, "influx", f"http://127.0.0.1:{port}/write")
+
+    def turns(first: int, last: int) -> None:
+        for i in range(first, last):
+            sink.write(turn(i))
+            made.clock.sleep(0.1)
+
+    turns(0, 100)
+    server = Server(port, status=401)
+    turns(100, 200)
+    server.stop()
+    server = Server(port, most_bytes=4096)
+    turns(200, 600)
+    sink.close()
+    server.stop()
+    assert made.logger.events == ["influx_not_reached", "influx_refused"]
+    (tmp_path / "posted.lp").write_bytes(b"".join(server.taken))
+    assert read_log(tmp_path / "posted.lp").time_s.tolist() == [turn(i).sample.time_s for i in range(600)]
+    assert made.unwritten.not_sent == {}
 
 
 def test_what_nobody_took_is_counted_and_no_fault_of_the_run(tmp_path: Path) -> None:

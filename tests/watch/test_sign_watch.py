@@ -136,9 +136,14 @@ def test_wild_readings_make_no_gain(share: float, amplitude_A: float, period_s: 
             speed = wheel.after(speed, command.current_A, PERIOD_S)
 
 
-def test_pieces_amid_which_replies_are_lost_are_counted() -> None:
-    """A third of the replies: most of the half seconds tell nothing, and that is known; without losses none."""
-    watch, _ = run(Wheel(), profile("steps", 0.1, 2.0), 30.0, every_missing=3)
-    assert watch.spoilt > watch.pieces
+@pytest.mark.parametrize("every_missing", [2, 3])
+def test_time_that_lost_replies_spoil_is_counted(every_missing: int) -> None:
+    """Each second or third reply: nearly all of 30 s tells nothing, and that is known; without losses none."""
+    watch, _ = run(Wheel(), profile("steps", 0.1, 2.0), 30.0, every_missing=every_missing)
+    assert 20.0 < watch.lost_s < 31.0
+    assert watch.lost_s > 5.0 * (watch.used_s + watch.quiet_s)
     watch, _ = run(Wheel(), profile("steps", 0.1, 2.0), 30.0)
-    assert watch.spoilt == 0
+    assert watch.lost_s == 0.0
+    assert watch.used_s + watch.quiet_s == pytest.approx(30.0, abs=1.0)
+    held, _ = run(Wheel(k=1e-9), profile("steps", 0.1, 2.0), 30.0, every_missing=50)
+    assert held.quiet_s > held.lost_s

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import urllib.error
 import urllib.request
 from collections import deque
 from collections.abc import Callable, Mapping
+from http.client import HTTPException
 from typing import Any, Protocol
 
 from rw_ekf.clock import Clock
@@ -28,7 +30,7 @@ _MOST_WAITING = 3000  # ticks for a server that does not answer: five minutes at
 _SEND_EVERY_S = 1.0
 _TRY_EVERY_S = 5.0
 _ANSWER_WITHIN_S = 3.0
-_NEVER_TAKEN = (400, 404, 413, 422)  # of the rows or the address, by the API: the same again is refused again
+_NEVER_TAKEN, _TOO_LARGE = (400, 422), 413  # of the rows, by the API: the same again is refused again, or half of it
 _SHOWN_BYTES = 300
 _TEXT = str.maketrans({'"': r"\"", "\\": r"\\", "\n": " ", "\r": " "})
 
@@ -134,6 +136,8 @@ class _Http:
         self._say = say
         self._waiting: deque[list[bytes]] = deque()
         self._due_s = clock.monotonic() + _SEND_EVERY_S
+        self._most = _MOST_WAITING  # ticks of a batch
+        self._event: str | None = None  # what was said of the outage
         self._reason: str | None = None  # why the last batch was not taken
 
     def put(self, lines: list[bytes]) -> None:
@@ -145,49 +149,59 @@ class _Http:
             self._send()
 
     def close(self) -> None:
-        if self._waiting:
+        before = -1
+        while self._waiting and len(self._waiting) != before:
+            before = len(self._waiting)
             self._send()
         if self._waiting:
             self._missed(len(self._waiting), self._reason or "")
             self._waiting.clear()
 
     def _send(self) -> None:
-        body = b"".join(line for lines in self._waiting for line in lines)
+        batch = list(itertools.islice(self._waiting, self._most))
         headers = {"Content-Type": "text/plain; charset=utf-8"}
         if token := os.environ.get(TOKEN):
             headers["Authorization"] = f"Token {token}"
-        request = urllib.request.Request(self._address, body, headers)
+        request = urllib.request.Request(self._address, b"".join(line for lines in batch for line in lines), headers)
         try:
             urllib.request.urlopen(request, timeout=_ANSWER_WITHIN_S).close()
         except urllib.error.HTTPError as error:
-            self._refused(error)
+            self._refused(error, len(batch))
             return
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, HTTPException) as error:
             self._wait("influx_not_reached", str(error), "the newest five minutes wait")
             return
-        self._reason = None
-        self._waiting.clear()
+        self._event = self._reason = None
+        self._give_up(len(batch))
         self._due_s = self._clock.monotonic() + _SEND_EVERY_S
 
-    def _refused(self, error: urllib.error.HTTPError) -> None:
+    def _refused(self, error: urllib.error.HTTPError, ticks: int) -> None:
         """The server is there: rows that it will never take are given up, for all others it is asked again."""
-        with error:
+        stated = ""
+        with contextlib.suppress(OSError, HTTPException), error:
             stated = " ".join(error.read(_SHOWN_BYTES).decode("utf-8", "replace").split())
         reason = f"{error}: {stated}" if stated else str(error)
         if error.code in (401, 403):
             self._wait("influx_refused", reason, f"give a token that may write there in {TOKEN}; the newest rows wait")
-        elif error.code in _NEVER_TAKEN:
-            self._missed(len(self._waiting), reason)
-            self._waiting.clear()
+        elif error.code == _TOO_LARGE and ticks > 1:
+            self._most = ticks // 2
+            self._due_s = self._clock.monotonic() + _SEND_EVERY_S
+        elif error.code in (*_NEVER_TAKEN, _TOO_LARGE):
+            self._missed(ticks, reason)
+            self._give_up(ticks)
             self._wait("influx_refused", reason, "these rows are given up, and counted")
         else:
             self._wait("influx_not_reached", reason, "the newest five minutes wait")
 
+    def _give_up(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self._waiting.popleft()
+
     def _wait(self, event: str, reason: str, do: str) -> None:
-        """Until the next try. It is said with the first of an outage."""
-        if self._reason is None:
+        """Until the next try. It is said with the first of an outage, and where it becomes another."""
+        if self._event != event:
             self._say(event, reason=reason, do=do)
-        self._reason = reason
+        self._event, self._reason = event, reason
         self._due_s = self._clock.monotonic() + _TRY_EVERY_S
 
 
