@@ -46,6 +46,16 @@ class Answers:
                 self.columns[name] = None if column == "none" else self._number(column, key)
                 if unit:
                     self.more.setdefault(name, {})["unit"] = unit
+        self._refuse_one_for_two()
+
+    def _refuse_one_for_two(self) -> None:
+        """Raise LogError where one column was given for two of what a log cannot do without."""
+        given: dict[int, str] = {}
+        for name, number in self.columns.items():
+            of = next((of for of in ("time", "speed", "current") if name.startswith(of)), None)
+            if of is not None and number is not None and given.setdefault(number, of) != of:
+                column = self._table.names[number] or number
+                raise LogError(f"--set {of}={column}: that column is the {given[number]} already: it cannot be both")
 
     def _number(self, text: str, key: str) -> int:
         if text in self._table.names:

@@ -172,7 +172,7 @@ def test_a_day_beyond_a_long_gap_is_not_judged_by_those_before_it() -> None:
 
 
 def test_a_cold_day_is_not_an_odd_one_where_the_temperature_is_logged() -> None:
-    """The newest day is 20 K colder, a kelvin does 1 %: it is in the course; off by as much without a reason it is not."""
+    """The newest day is 20 K colder, a kelvin does 1 %: it stays; off by as much without a reason it does not."""
     rng = np.random.default_rng(2)
     warmth = 5.0 * np.sin(np.arange(40.0)) + np.where(np.arange(40) == 39, -20.0, 0.0)
     value = 0.6 * (1.0 - 0.01 * warmth) * (1.0 + 0.001 * rng.standard_normal(40))

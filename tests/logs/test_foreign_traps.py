@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import rw_ekf
+from rw_ekf.errors import LogError
 from rw_ekf.logs.column_names import role_of, stated_by
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.time_text import seconds_of
@@ -1039,3 +1040,19 @@ def test_tenths_of_a_second_are_asked_about(tmp_path: Path, run: rw_ekf.Log, nam
     """By its steps alone such a time would be in s."""
     text = csv(run, f"{name},rpm,I_A", lambda i, t, w, c: f"{t * scale:.6f},{w * RPM!r},{c!r}")
     assert [question.name for question in guess(tmp_path / "a.csv", text).guess.questions] == ["time_s"]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"speed": "rpm", "current": "rpm"}, "the speed already"),
+        ({"time": "rpm", "speed": "rpm"}, "the time already"),
+        ({"time": "t_s", "current": "t_s"}, "the time already"),
+    ],
+)
+def test_one_column_is_not_taken_for_two(tmp_path: Path, given: dict[str, str], words: str) -> None:
+    """What was answered for the time, the speed and the current are different columns, or it is said."""
+    path = tmp_path / "log.csv"
+    path.write_text("t_s,rpm,I_A\n" + "".join(f"{0.1 * i},{100 + i},{0.1 + 0.001 * i}\n" for i in range(50)), "utf-8")
+    with pytest.raises(LogError, match=words):
+        rw_ekf.guess_columns(path, **given)
