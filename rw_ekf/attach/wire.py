@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rw_ekf.driver import WheelProtocol, WireLimits
-from rw_ekf.errors import ConfigError
+from rw_ekf.errors import ConfigError, DriverError
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -89,12 +89,17 @@ def _no_bus(port: str, wire: WireLimits, the_map: str) -> Iterator[str]:
     """What is wrong with a port that is a CAN bus by its name: else a run would refuse it, again at every start."""
     if not port.startswith(CAN_PORT):
         return
-    interface, _, channel = port.removeprefix(CAN_PORT).partition(":")
-    if not interface or not channel:
+    from rw_ekf.drivers.can.can_bus import SERIAL_INTERFACE, CanPort
+
+    try:
+        interface = CanPort.of(port).interface
+    except DriverError:
         yield f"wheel.port is {port}, which names no CAN bus: write can:socketcan:can0, or can:slcan:/dev/ttyACM0."
         return
     if wire.telemetry_s is None:
         yield f"wheel.port is {port}, a CAN bus, but {the_map} is for a serial line: give the wheel's own map of a bus."
+    if interface == SERIAL_INTERFACE:  # python-can has no part in it
+        return
     try:
         from can.interfaces import VALID_INTERFACES
     except ImportError:  # which opening says, with what to install

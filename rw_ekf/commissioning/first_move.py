@@ -162,8 +162,7 @@ def _moved(
             if fit is not None and fit.sigmas > _SURE:
                 break
             first_A = min(2.0 * first_A, most_A)
-    is_seen = fit is not None and fit.sigmas > _SURE
-    if fit is not None and is_seen:  # else what it moved at, in readings that showed it late
+    if fit is not None and fit.sigmas > _SURE:  # else what it moved at, in readings that showed it late
         away = [breakaway_of(ramp_rows, abs(fit.gain), max(fit.coulomb, 0.0)) for ramp_rows in ways]
     if most_A < _LEAST_HEADROOM * max(away):
         raise RefusedError(

@@ -91,9 +91,10 @@ def with_noise_of(start: Starting, log: WheelLog, run: Run) -> Starting | None:
     a tenth of the noise rejects half of the readings, and is as sure of the other half as before.
     """
     used = run.statistics.nis_sum / max(run.statistics.used, 1)
-    fits = 1.0 / _OTHER_NIS < used < _OTHER_NIS and run.statistics.rejected < _REJECTED * run.statistics.samples
+    if 1.0 / _OTHER_NIS < used < _OTHER_NIS and run.statistics.rejected < _REJECTED * run.statistics.samples:
+        return None
     now, before = speed_noise_of(log.speed_rad_s, log.segment), start.setup.constants.speed_noise_rad_s
-    if fits or now is None or 1.0 / _OTHER_NOISE < now / before < _OTHER_NOISE:
+    if now is None or 1.0 / _OTHER_NOISE < now / before < _OTHER_NOISE:
         return None
     return replace(start, setup=replace(start.setup, constants=start.setup.constants.with_speed_noise(now)))
 

@@ -87,9 +87,11 @@ class Published:
 
         For five seconds, or where its loop is slower than that for three turns.
         """
+        if not self.alive:
+            return ""
         published = moment_of(self.document.get("utc"))
-        if not self.alive or published is None:
-            return "" if not self.alive else " (when it published this is not known)"
+        if published is None:
+            return " (when it published this is not known)"
         age_s = (utc - published).total_seconds()
         if age_s <= max(_STALE_S, _STALE_TURNS * float(self.document.get("period_s", 0.0))):
             return ""

@@ -172,7 +172,7 @@ class _Http:
             self._wait("influx_not_reached", str(error), "the newest five minutes wait")
             return
         self._event = self._reason = None
-        self._give_up(len(batch))
+        self._forget(len(batch))
         self._due_s = self._clock.monotonic() + _SEND_EVERY_S
 
     def _refused(self, error: urllib.error.HTTPError, ticks: int) -> None:
@@ -188,12 +188,13 @@ class _Http:
             self._due_s = self._clock.monotonic() + _SEND_EVERY_S
         elif error.code in (*_NEVER_TAKEN, _TOO_LARGE):
             self._missed(ticks, reason)
-            self._give_up(ticks)
+            self._forget(ticks)
             self._wait("influx_refused", reason, "these rows are given up, and counted")
         else:
             self._wait("influx_not_reached", reason, "the newest five minutes wait")
 
-    def _give_up(self, ticks: int) -> None:
+    def _forget(self, ticks: int) -> None:
+        """The first of those that wait: they were taken, or never will be."""
         for _ in range(ticks):
             self._waiting.popleft()
 
