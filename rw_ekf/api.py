@@ -38,6 +38,7 @@ from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.estimator import Estimator as Filter
 from rw_ekf.foreign_columns import GuessedColumns, doubted, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
+from rw_ekf.learning.aged_model import as_given, carried_over
 from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate as simulated
 from rw_ekf.logs.column_map import ColumnMap
@@ -269,10 +270,11 @@ class Estimator:
     ) -> None:
         """Start from a model, else from the prior around [CK13]; noises that the model knows are the model's.
 
-        A model is believed to its last digit: of another day, or temperature, give `viscous` and the others as priors.
-        priors: motor_gain, viscous, coulomb, static as (value, standard deviation), in place of either's. period_s:
-        usual time between two steps; a gap is never shorter than five of it. inertia_kg_m2: for
-        `Estimate.friction_torque`; None: the model's, if somebody gave it one. Raises Error.
+        A model is believed as a run believes it: of a wheel of another temperature, without what belonged to its
+        record (docs/learning.md); `findings` names that. priors: motor_gain, viscous, coulomb, static as (value,
+        standard deviation), in place of either's. period_s: usual time between two steps; a gap is never shorter than
+        five of it. inertia_kg_m2: for `Estimate.friction_torque`; None: the model's, if somebody gave it one. Raises
+        Error.
         """
         numbers: dict[str, Any] = {
             "speed_noise_rpm": speed_noise_rpm, "period_s": period_s,
@@ -282,6 +284,7 @@ class Estimator:
         noise, period_s = rad_s_from_rpm(given.speed_noise_rpm), given.period_s
         torque_noise = rad_s_from_rpm(given.acceleration_noise_rpm_per_sqrt_s)
         known = _model(model)
+        self._left_behind: list[str] = []
         self._inertia_kg_m2 = given.inertia_kg_m2
         if known is not None and not known.inertia_is_assumed:
             self._inertia_kg_m2 = given.inertia_kg_m2 or known.inertia_kg_m2
@@ -292,6 +295,8 @@ class Estimator:
                 nominal_period_s=period_s,
             )  # fmt: skip
         else:
+            known, self._left_behind = carried_over(known)
+            known = as_given(known, setup_of_model(known, noise, torque_noise, period_s).constants)
             setup = setup_of_model(known, noise, torque_noise, period_s)
             constants, belief, effects, drift = setup.constants, setup.prior, setup.effects, setup.effect_drift
         belief = with_prior_table(belief, {name: getattr(given, name) for name in priors if getattr(given, name)})
@@ -321,8 +326,8 @@ class Estimator:
 
     @property
     def findings(self) -> list[str]:
-        """What had to be reset so far, and why, in sentences."""
-        return self._filter.findings
+        """What of the model was left behind, and what had to be reset so far, and why, in sentences."""
+        return [*self._left_behind, *self._filter.findings]
 
 
 def _finite(name: str, value: Any, wanted: str = "a finite number") -> float:

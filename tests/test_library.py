@@ -16,8 +16,14 @@ import pytest
 
 import rw_ekf
 from rw_ekf.cli import main
+from rw_ekf.learning.aged_model import as_given
+from rw_ekf.log_replay import replay_log
 from rw_ekf.model.state import PARAMETER_NAMES
+from rw_ekf.starting_point import setup_of_model
+from rw_ekf.wheel.effect_table import NO_EFFECTS
+from tests.learning.test_aged_model import learned
 from tests.live.bench import ROOT
+from tests.wheel.test_model_file import effect
 
 PUBLIC = [
     "Bench", "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit",
@@ -111,22 +117,49 @@ def test_a_log_of_arrays_is_the_log_of_the_file(log: rw_ekf.Log, tmp_path: Path)
 
 
 def test_an_own_loop_is_the_replay_of_its_log(log: rw_ekf.Log, tmp_path: Path) -> None:
-    """`Estimator.step` from a model, sample by sample: the rows of a replay from the same model, to rounding."""
+    """`Estimator.step` from a model, sample by sample: the rows of a replay that believes the model as a run does."""
     model = rw_ekf.fit(log).model
     model.save(tmp_path / "model.yaml")
     assert rw_ekf.Model.load(tmp_path / "model.yaml").parameters == model.parameters
-    run = rw_ekf.replay(log, tmp_path / "model.yaml")
-    estimator = rw_ekf.Estimator(
-        model, speed_noise_rpm=run.setup.constants.speed_noise_rad_s * 30.0 / np.pi,
-        acceleration_noise_rpm_per_sqrt_s=run.setup.constants.acceleration_noise * 30.0 / np.pi,
-    )  # fmt: skip
-    for i in range(len(log)):
-        estimate = estimator.step(log.time_s[i], log.speed_rad_s[i], log.current_A[i])
-    assert estimate.mean.speed_rad_s == pytest.approx(run.columns["speed_rad_s"][-1], rel=1e-3)  # type: ignore[index]
-    assert 0.9 < estimate.std.coulomb / run.columns["std_coulomb"][-1] < 1.1  # type: ignore[index]
-    assert estimate.friction_torque_rad_s2(30.0).std > 0.0
+    constants = setup_of_model(model, 0.1, 0.003, 0.1).constants
+    setup = setup_of_model(as_given(model, constants), 0.1, 0.003, 0.1)
+    run = replay_log(log, setup=setup, with_columns=True)
+    assert run.columns is not None
+    estimator = rw_ekf.Estimator(model)
+    found = [estimator.step(*row) for row in zip(log.time_s, log.speed_rad_s, log.current_A, strict=True)]
+    for name in ("speed_rad_s", *PARAMETER_NAMES):
+        for column, values in ((name, [e.mean for e in found]), (f"std_{name}", [e.std for e in found])):
+            assert [getattr(v, name) for v in values] == pytest.approx(run.columns[column], rel=1e-9), column
+    assert found[-1].friction_torque_rad_s2(30.0).std > 0.0
     with pytest.raises(rw_ekf.Error, match="unknown key gain"):
         rw_ekf.Estimator(gain=(1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "wheel", [(14.0, 0.003, 0.54, 0.648), (14.0, 0.0039, 0.5, 0.6), (14.14, 0.003, 0.5, 0.6)],
+    ids=["coulomb +8 %", "viscous +30 %", "gain +1 %"],
+)  # fmt: skip
+def test_an_own_loop_follows_a_wheel_that_has_changed_since_its_model(wheel: tuple[float, ...]) -> None:
+    """As a few kelvin change it; where the model was believed to its last digit, by up to 37 of its sigmas wrong."""
+    model = rw_ekf.fit(rw_ekf.simulate("P1", wheel=(14.0, 0.003, 0.5, 0.6), seed=1, duration_s=600.0)).model
+    log = rw_ekf.simulate("P1", wheel=wheel, seed=2, duration_s=600.0)
+    estimator = rw_ekf.Estimator(model)
+    for row in zip(log.time_s, log.speed_rad_s, log.current_A, strict=True):
+        estimate = estimator.step(*row)
+    for name, true in zip(PARAMETER_NAMES, wheel, strict=True):
+        assert abs(getattr(estimate.mean, name) - true) < 3.0 * getattr(estimate.std, name), name
+    assert estimator.findings == []
+
+
+def test_an_own_loop_leaves_behind_what_belonged_to_the_record_of_its_model() -> None:
+    """A drag that fell on one moment of that log falls on none of this loop, and `findings` says so."""
+    model = learned(1.0e-3, effect("drag_spike"))
+    plain = rw_ekf.Estimator(replace(model, effects=NO_EFFECTS, covariance=tuple(r[:4] for r in model.covariance[:4])))
+    estimator = rw_ekf.Estimator(model)
+    for time_s in np.arange(1200, 1300) / 10.0:  # around the onset that it had, 123.4 s
+        found, without = (loop.step(float(time_s), 30.0, 0.05) for loop in (estimator, plain))
+    assert found.values == without.values
+    assert estimator.findings == ["drag_spike belongs to the record it was found in and is not carried into this run"]
 
 
 def test_what_a_run_and_a_diagnosis_found_is_there_by_name(log: rw_ekf.Log) -> None:

@@ -12,7 +12,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.identify.record_scale import speed_noise_of
-from rw_ekf.learning.aged_model import aged, carried_over
+from rw_ekf.learning.aged_model import aged, as_given, carried_over
 from rw_ekf.logs.metadata import moment_of, utc_text
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.starting_point import FilterSetup, course_for, model_of, setup_of_model, setup_of_record, setup_of_start
@@ -68,10 +68,15 @@ class Starting:
 
 
 def first_start(log: WheelLog, configuration: Configuration | None, model: WheelModel | None) -> Starting:
-    """The start of a wheel's first log: from the configuration, the model, or the log itself, in that order."""
+    """The start of a wheel's first log: from the configuration, the model, or the log itself, in that order.
+
+    A model that is given is believed as a run would believe it: of a wheel of another temperature, at the least.
+    """
     course = course_for(without_repeats(log)[0], model)
     given = None if model is None else carried_over(model)[0]
     setup = setup_of_record(course, configuration, given)
+    if given is not None:
+        setup = setup_of_record(course, configuration, as_given(given, setup.constants))
     return Starting(setup, setup, model_of(setup.prior, setup, {"method": "fleet"}))
 
 

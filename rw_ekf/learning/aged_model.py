@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
 from rw_ekf.starting_point import FilterSetup, left_open, with_open_phases
@@ -60,9 +62,12 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     return replace(model, covariance=_as_rows(rows), effects=effects), notes
 
 
-def as_given(model: WheelModel, start: FilterSetup) -> WheelModel:
-    """A model that is given and does not say when it was made: of a wheel of another temperature, at the least."""
-    return aged(model, start, _GIVEN_AGE_S)
+def as_given(model: WheelModel, constants: FilterConstants, prior: Belief | None = None) -> WheelModel:
+    """A model that is given and does not say when it was made: of a wheel of another temperature, at the least.
+
+    constants: whose drifts it wanders by. prior: beyond whose sigmas nothing is forgotten; None: no bound.
+    """
+    return _believed_less(model, constants, _GIVEN_AGE_S, prior)
 
 
 def aged(model: WheelModel, start: FilterSetup, seconds: float) -> WheelModel:
@@ -71,9 +76,12 @@ def aged(model: WheelModel, start: FilterSetup, seconds: float) -> WheelModel:
     The parameters wander as the filter lets them (its drifts), and the wheel's temperature is no longer the one they
     were learned at. start: how the configuration would start: from its drifts, and what nothing is forgotten beyond.
     """
+    return _believed_less(model, start.constants, seconds, start.prior)
+
+
+def _believed_less(model: WheelModel, c: FilterConstants, seconds: float, prior: Belief | None) -> WheelModel:
     covariance = np.array(model.covariance)
     warmth = _KELVIN * -math.expm1(-seconds / _WARMS_WITHIN_S)
-    c = start.constants
     walk = (model.dry_walk or 0.0) ** 2
     rates = (c.motor_gain_drift, c.viscous_drift, c.coulomb_drift + walk, c.static_drift + walk)
     grown = np.array([*(rate * seconds for rate in rates), *_effects_growth(model, c.relative_drift * seconds)])
@@ -81,7 +89,8 @@ def aged(model: WheelModel, start: FilterSetup, seconds: float) -> WheelModel:
         if _KNOWN_BY[place] not in model.effects.ids:
             grown[place - 1] += (share * warmth * model.parameters[place - 1]) ** 2
     widest = np.full(len(grown), np.inf)
-    widest[:PARAMETER_COUNT] = np.diag(start.prior.covariance)[SPEED + 1 : STATIC + 1]
+    if prior is not None:
+        widest[:PARAMETER_COUNT] = np.diag(prior.covariance)[SPEED + 1 : STATIC + 1]
     at = np.arange(len(grown))
     covariance[at, at] += np.minimum(grown, np.maximum(widest - covariance[at, at], 0.0))
     stds = np.sqrt(covariance[at, at])

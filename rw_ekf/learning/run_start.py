@@ -69,7 +69,8 @@ def start_of_run(
         stated += _whose(model, given, wheel, drives=configuration.command.writes)
         model, notes = carried_over(model)
         stated += [("effect_not_carried_over", text) for text in notes]
-        model = as_given(model, setup_of_configuration(configuration, None))
+        start = setup_of_configuration(configuration, None)
+        model = as_given(model, start.constants, start.prior)
     setup = origin = setup_of_configuration(configuration, model)
     began = _fingerprint(configuration, given.model)
     found, why_not = _read(learned, configuration, given)
