@@ -133,11 +133,11 @@ class Gatherer:
         turned = mean_speed_rad_s * dt
         if math.isfinite(turned):  # not while the filter is broken: no effect of the angle would recover with it
             self.angle_rad += turned
-        if sample.angle_rad is not None and not math.isnan(sample.angle_rad):
+        if sample.angle_rad is not None and math.isfinite(sample.angle_rad):
             self.angle_rad = sample.angle_rad
         now_degC = math.nan if sample.temperature_degC is None else sample.temperature_degC
         self._body = warmed(self._body, now_degC, dt, self._lag_s)
         for slot, name in enumerate(self._names):
             value = getattr(sample, name, None)
-            if value is not None and not math.isnan(value):
+            if value is not None and math.isfinite(value):
                 self._columns[slot] = value

@@ -209,7 +209,7 @@ def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float, tempera
     turned = mean_speed * dt
     if math.isfinite(turned):
         now[ANGLE_RAD] += turned
-    if not math.isnan(reading.angle_rad):
+    if math.isfinite(reading.angle_rad):
         now[ANGLE_RAD] = reading.angle_rad
     body = Body(now[TEMPERATURE_DEGC], now[READ_DEGC], now[ACTED_DEGC], now[SINCE_S])
     body = warmed(body, reading.temperature_degC, dt, temperature_lag_s)

@@ -19,40 +19,41 @@ class Happenings:
 
     def __init__(self, clock: Clock, began: StateNow) -> None:
         self._clock = clock
+        self._began_s = clock.monotonic()
         self._state = began
         self._alarms: dict[str, ActiveAlarm] = {}
         self._time_s: float | None = None  # of the last sample
         self._compensation: dict[str, Any] = {}
-        self.first: dict[str, Any] = {"utc": began.since_utc, "time_s": None, **_of_state(began, None)}
+        self.first: dict[str, Any] = {**self._at(began.since_utc), **_of_state(began, None)}
 
     def of(self, tick: Tick) -> list[dict[str, Any]]:
         """What changed with this turn."""
-        time_s = self._time_s = tick.estimate.time_s
+        self._time_s = tick.estimate.time_s
         found = []
         if tick.state is not None and tick.state != self._state:
-            found.append({"utc": tick.state.since_utc, "time_s": time_s, **_of_state(tick.state, self._state)})
+            found.append({**self._at(tick.state.since_utc), **_of_state(tick.state, self._state)})
             self._state = tick.state
         if tick.compensation is not None:
-            found += self._of_compensation(time_s, tick.compensation)
+            found += self._of_compensation(tick.compensation)
         if tick.alarms or tick.alarms_over or self._alarms:
-            found += self._of_alarms(time_s, tick)
+            found += self._of_alarms(tick)
         return found
 
     def end(self) -> dict[str, Any]:
         """The event that a run ends with."""
-        return {"utc": self._utc(), "time_s": self._time_s, "event": "ended", "state": self._state.state.value}
+        return {**self._at(), "event": "ended", "state": self._state.state.value}
 
-    def _of_compensation(self, time_s: float, now: CompensationNow) -> list[dict[str, Any]]:
+    def _of_compensation(self, now: CompensationNow) -> list[dict[str, Any]]:
         stated = {"scheme": now.scheme, "on": now.on, "parameters": now.parameters, "reason": now.reason}
         if stated == self._compensation:
             return []
         self._compensation = stated
-        return [{"utc": self._utc(), "time_s": time_s, "event": "compensation", **stated}]
+        return [{**self._at(), "event": "compensation", **stated}]
 
-    def _of_alarms(self, time_s: float, tick: Tick) -> list[dict[str, Any]]:
+    def _of_alarms(self, tick: Tick) -> list[dict[str, Any]]:
         """Ends before beginnings: in a train of spikes one ends where the next sets in."""
         on = {alarm.name: alarm for alarm in tick.alarms}
-        now = {"utc": self._utc(), "time_s": time_s}
+        now = self._at()
         found: list[dict[str, Any]] = [{**now, "event": "alarm_over", **a.document()} for a in tick.alarms_over]
         reported = {alarm.name for alarm in tick.alarms_over}
         for name in self._alarms.keys() - on.keys() - reported:  # the watch itself has ended
@@ -63,8 +64,10 @@ class Happenings:
         self._alarms = on
         return found
 
-    def _utc(self) -> str:
-        return utc_text(self._clock.utc())
+    def _at(self, utc: str | None = None) -> dict[str, Any]:
+        """When an event is, by three clocks: the day's, which may be set; the wheel's, which may jump; the run's."""
+        run_s = round(self._clock.monotonic() - self._began_s, 3)
+        return {"utc": utc or utc_text(self._clock.utc()), "time_s": self._time_s, "run_s": run_s}
 
 
 def _of_state(now: StateNow, was: StateNow | None) -> dict[str, Any]:

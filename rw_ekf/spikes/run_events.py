@@ -107,7 +107,7 @@ def _follow(run: RunEvents, events: list[dict[str, Any]]) -> None:
             run.alarms.append(str(event.get("since_utc")))
         if event["event"] == "alarm" and event.get("name") == SPIKE:
             begun[number_of(event.get("since_s")) or 0.0] = len(run.spikes)
-            run.spikes.append(_spike(run, event, run.watched_s + elapsed_s, None))
+            run.spikes.append(_spike(run, event, run.watched_s + max(elapsed_s - _noticed_after_s(event), 0.0), None))
         elif event["event"] == "alarm_over" and event.get("name") == SPIKE:
             place = begun.pop(number_of(event.get("since_s")) or 0.0, None)
             if place is not None:
@@ -122,11 +122,14 @@ def _follow(run: RunEvents, events: list[dict[str, Any]]) -> None:
 def _cut_off(run: RunEvents, last: dict[str, Any]) -> list[dict[str, Any]]:
     """The end that a crash has left out: the time of the last row of the log."""
     run.warnings.append(f"{run.log}: the run was cut off; it counts up to its last row")
+    last_s, run_s = number_of(last.get("time_s")), number_of(last.get("run_s"))
     try:
         end_s = float(read_log(parts_of(run.log).files[-1]).time_s[-1])
     except (RwEkfError, IndexError):
-        end_s = number_of(last.get("time_s")) or 0.0
-    return [{"utc": last["utc"], "time_s": end_s, "event": "ended"}]
+        end_s = last_s or 0.0
+    if run_s is not None:
+        run_s += max(end_s - (last_s or 0.0), 0.0)
+    return [{"utc": last["utc"], "time_s": end_s, "run_s": run_s, "event": "ended"}]
 
 
 def _spike(run: RunEvents, event: dict[str, Any], watched_s: float, end: str | None) -> Spike:
@@ -147,11 +150,21 @@ def _spike(run: RunEvents, event: dict[str, Any], watched_s: float, end: str | N
     )
 
 
+def _noticed_after_s(alarm: dict[str, Any]) -> float:
+    """How long after its onset an alarm was raised, by the wheel's clock."""
+    since_s, now_s = number_of(alarm.get("since_s")), number_of(alarm.get("time_s"))
+    return 0.0 if since_s is None or now_s is None else max(now_s - since_s, 0.0)
+
+
 def _elapsed_s(since: dict[str, Any], until: dict[str, Any]) -> float:
-    """Time between two events: of the log where both have it and it has not begun anew, else of the day."""
-    first, last = number_of(since.get("time_s")), number_of(until.get("time_s"))
-    if first is not None and last is not None and last >= first:
-        return last - first
+    """Time between two events, by the run's own clock.
+
+    In a file without it: by the wheel's where that has not begun anew, else by the day's.
+    """
+    for clock in ("run_s", "time_s"):
+        first, last = number_of(since.get(clock)), number_of(until.get(clock))
+        if first is not None and last is not None and last >= first:
+            return last - first
     begin, end = moment_of(since["utc"]), moment_of(until["utc"])
     assert begin is not None
     assert end is not None

@@ -59,7 +59,7 @@ def interval_after(course: Any, i: int) -> Interval:
 
 
 def warmed(body: Body, now_degC: float, dt_s: float, lag_s: float) -> Body:
-    """A body dt_s later, beside a thermometer that reads now_degC then, or nothing (NaN).
+    """A body dt_s later, beside a thermometer that reads now_degC then, or nothing (no finite number).
 
     It follows by tau dT/dt = T_read - T (docs/effects.md eq. 10), exactly along the straight line from reading to
     reading; where one is missing, as if the last one held, until the next tells. A time that does not go forward is
@@ -67,14 +67,14 @@ def warmed(body: Body, now_degC: float, dt_s: float, lag_s: float) -> Body:
     """
     acts, read, acted, since = body
     if math.isnan(read) or not dt_s > 0.0:
-        if math.isnan(now_degC):
-            return Body(acts, now_degC, acts, 0.0)
+        if not math.isfinite(now_degC):
+            return Body(acts, math.nan, acts, 0.0)
         return Body(now_degC, now_degC, now_degC, 0.0)
     since = since + dt_s
     fades = 0.0
     if lag_s > 0.0:
         fades = math.exp(-since / lag_s)
-    if math.isnan(now_degC):
+    if not math.isfinite(now_degC):
         return Body(read + (acted - read) * fades, read, acted, since)
     behind = lag_s * (now_degC - read) / since
     acts = now_degC - behind + (acted - read + behind) * fades
@@ -82,11 +82,11 @@ def warmed(body: Body, now_degC: float, dt_s: float, lag_s: float) -> Body:
 
 
 def last_known(before: Columns, now: Columns) -> Columns:
-    """Each of them as it is, or as it was where it is not known."""
+    """Each of them as it is, or as it was where it is no finite number."""
     return (
-        before[0] if math.isnan(now[0]) else now[0],
-        before[1] if math.isnan(now[1]) else now[1],
-        before[2] if math.isnan(now[2]) else now[2],
+        now[0] if math.isfinite(now[0]) else before[0],
+        now[1] if math.isfinite(now[1]) else before[1],
+        now[2] if math.isfinite(now[2]) else before[2],
     )
 
 

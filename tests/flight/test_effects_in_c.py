@@ -108,6 +108,29 @@ def test_a_temperature_that_acts_late_has_the_bits_of_the_estimator(tmp_path: Pa
     assert found != pytest.approx(np.array([r.values for r in both(log, temperature, angle, effects)[0]]), rel=1e-6)
 
 
+@needs_gcc
+@pytest.mark.parametrize("wild", [np.inf, -np.inf])
+@pytest.mark.parametrize("temperature_lag_s", [0.0, 3.0])
+def test_an_infinite_condition_is_a_missing_one(wild: float, temperature_lag_s: float, tmp_path: Path) -> None:
+    """Of the temperature or of the angle, once: what follows has the bits of a reading that was not there at all."""
+    effects = in_use("viscous_temperature", "torque_ripple")
+    log, temperature, angle = rough_log(5)
+    belief = believed(effects)
+    constants = constants_for()._replace(temperature_lag_s=temperature_lag_s)
+    library = compiled(tmp_path, setup_for(constants, belief, effects, np.full(effects.size, 1.0e-9)))
+    readings = {}
+    for value in (wild, np.nan):
+        warmth, turned = temperature.copy(), angle.copy()
+        warmth[warmth.size // 2] = turned[turned.size // 3] = value
+        results, _ = both(log, warmth, turned, effects, temperature_lag_s)
+        online = np.array([result.values for result in results])
+        found = in_c(library, log, len(belief.mean), warmth, turned)
+        assert same_bits(found.mean[:, : online.shape[1]], online)
+        readings[value] = online
+    assert np.isfinite(readings[wild]).all()
+    assert same_bits(readings[wild], readings[np.nan])
+
+
 def _assert_same_bits(effects: EffectSet, folder: Path, temperature_lag_s: float = 0.0) -> None:
     log, temperature, angle = rough_log(5)
     belief = believed(effects)

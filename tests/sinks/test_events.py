@@ -22,8 +22,10 @@ def alarm(since_s: float, **details: float | str | None) -> ActiveAlarm:
 
 def test_a_train_of_spikes_has_a_line_for_each_beginning_and_end(tmp_path: Path) -> None:
     """One spike gives way to the next in one turn: its end, with the decay, comes before the next one's beginning."""
-    sink = EventsSink(tmp_path / "events.jsonl", VirtualClock(), BEGAN)
+    clock = VirtualClock()
+    sink = EventsSink(tmp_path / "events.jsonl", clock, BEGAN)
     first, second = alarm(1.0), alarm(5.0)
+    clock.sleep(2.5)
     over = alarm(1.0, decay_s=3.0, end="another one set in", ended_s=5.0)
     tick = tick_of(WheelSample(2.0, 1.0))
     sink.write(replace(tick, alarms=(first,)))
@@ -38,3 +40,4 @@ def test_a_train_of_spikes_has_a_line_for_each_beginning_and_end(tmp_path: Path)
     assert (events[2]["decay_s"], events[2]["end"]) == (3.0, "another one set in")
     assert events[4]["name"] == "drag_spike"
     assert (events[0]["time_s"], events[-1]["time_s"]) == (None, tick.estimate.time_s)
+    assert [event["run_s"] for event in events] == [0.0] + [2.5] * 5
