@@ -19,15 +19,15 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.acting_temperature import AHEAD_SIGMA, acting_temperature
 from rw_ekf.course.course import Course
-from rw_ekf.effects.catalogue import TORQUE
+from rw_ekf.effects.catalogue import DEADZONE, TORQUE
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.parameters_held import without_drift
 from rw_ekf.filter.second_pass import log_likelihood, was_reset
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.hindsight import CLEARLY, filtered
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.model.effect import Term
-from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
+from rw_ekf.model.effect import Effect, Term
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_NAMES, PARAMETERS, STATIC, VISCOUS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.starting_point import FilterSetup, left_open
 from rw_ekf.wheel.effect_table import EffectSet
@@ -44,6 +44,7 @@ _FREE_SIGMAS, _FREE_SHARE = 10.0, 1.0
 _MOST_WIDENED, _HALVINGS = 1.0e12, 40  # of variances; no model knows a number to a millionth of what it is
 _NOISIER = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # times the model's torque noise
 _AGAIN = 0.5  # of its size: a warm-up from another temperature is that of another day, and is a warm-up
+_STEADY: dict[str, type[Effect]] = {"torque": TORQUE, "current_loss": DEADZONE}  # what a change leaves behind it
 _SHORT = 1.0e-3  # of a reach: a step that is no step
 
 
@@ -83,26 +84,27 @@ def with_warmth_of_record(log: WheelLog, course: Course, setup: FilterSetup) -> 
     return warmer(float(found.x)) if found.fun < loss(0.0) - CLEARLY else course
 
 
-def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
+def with_times_of_record(course: Course, setup: FilterSetup, believed: Belief | None = None) -> FilterSetup:
     """The setup with what has a clock as this log makes it likeliest: as found, as it began or ended, or without it.
 
     What changed in the record that a model was found in has changed before the next one, or not yet; a change that
     comes at the same time of every run does so again. So may a friction that settles as a wheel warms up, but one that
     has run in, or a drag that came once, does not.
+
+    believed: the a priori by which that is asked, where the setup's own leaves a parameter so open that it would follow
+    any change; None: the setup's.
     """
     if not changes_with_time(setup.effects):
         return setup
-    ways = [setup]
-    if any(_is_change(term) for term in setup.effects.terms):
-        ways += [replace(setup, effects=_held(setup.effects, end)) for end in (-1, 0)]
-    if any(term.of_its_record for term in setup.effects.terms):
-        ways += [_without_record(way) for way in ways]
 
     def value(way: FilterSetup) -> float:
         steady = replace(way, constants=without_drift(way.constants))
         return log_likelihood(filtered(course, steady), way.constants.gate)
 
-    likeliest, *others = sorted(ways, key=value, reverse=True)
+    ways = _ways_in_time(setup)
+    judged = ways if believed is None else _ways_in_time(replace(setup, prior=believed))
+    values = [value(way) for way in judged]
+    likeliest, *others = [ways[i] for i in sorted(range(len(ways)), key=lambda i: -values[i])]
     gone = [term.id for term in setup.effects.terms if term.of_its_record]
     if not gone:
         return likeliest
@@ -115,6 +117,16 @@ def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
         "without, and what it moved is what this log has"
     )
     return replace(likeliest, notes=(*likeliest.notes, note))
+
+
+def _ways_in_time(setup: FilterSetup) -> list[FilterSetup]:
+    """As found, with what changed as it ended or began; each of them without what belonged to its record as well."""
+    ways = [setup]
+    if any(_is_change(term) for term in setup.effects.terms):
+        ways += [replace(setup, effects=_held(setup.effects, end)) for end in (-1, 0)]
+    if any(term.of_its_record for term in setup.effects.terms):
+        ways += [_without_record(way) for way in ways]
+    return ways
 
 
 def _comes_again(course: Course, setup: FilterSetup) -> bool:
@@ -142,16 +154,32 @@ def without_past_changes(setup: FilterSetup) -> FilterSetup:
     """The setup without a change that came before this log, or does not come in it; what it moved is open.
 
     For a diagnosis, to which another change at another time is another answer. A torque that came and stayed is an
-    offset.
+    offset, a loss of current a dead zone, and a parameter that changed has the value that it changed to.
     """
     levels = {term: level for term in setup.effects.terms if (level := _level_of(term)) is not None}
     past = list(levels)
     for term, level in levels.items():
-        is_torque = term.law is not None and term.law.acts_as == "torque"
-        if is_torque and level != 0.0 and TORQUE.id not in setup.effects.ids:
-            setup = _as_offset(setup, term, level)
+        steady = None if term.law is None else _STEADY.get(term.law.acts_as)
+        size = level * term.values[0]
+        fits = steady is not None and steady.coefficient.lower <= size <= steady.coefficient.upper and size != 0.0
+        if steady is not None and fits and steady.id not in setup.effects.ids:
+            setup = _as_constant(setup, term, level, steady)
             past.remove(term)
+        else:
+            setup = _moved_by(setup, term, size)
     return _without(setup, past)
+
+
+def _moved_by(setup: FilterSetup, change: Term, size: float) -> FilterSetup:
+    """The setup with the parameters that a change of this size has left behind, which its effect no longer adds."""
+    mean, acts_as = setup.prior.mean.copy(), None if change.law is None else change.law.acts_as
+    if acts_as == "motor_gain":
+        mean[MOTOR_GAIN] *= 1.0 + size
+    elif acts_as == "drag":
+        mean[[COULOMB, STATIC]] += size
+    elif acts_as == "viscous_drag":
+        mean[VISCOUS] += size
+    return replace(setup, prior=replace(setup.prior, mean=mean))
 
 
 def _level_of(term: Term) -> float | None:
@@ -162,18 +190,18 @@ def _level_of(term: Term) -> float | None:
     return values[0] if min(values) == max(values) else None
 
 
-def _as_offset(setup: FilterSetup, change: Term, level: float) -> FilterSetup:
-    """The setup with a constant torque where it had a change that has come."""
+def _as_constant(setup: FilterSetup, change: Term, level: float, steady: type[Effect]) -> FilterSetup:
+    """The setup with a constant effect where it had a change that has come."""
     coefficients = [term for term in setup.effects.state_terms for _ in term.values]
     at = coefficients.index(change)
-    offset = Term.of(TORQUE, value=level * change.values[0], std=abs(level) * change.stds[0])
-    effects = EffectSet(tuple(offset if term is change else term for term in setup.effects.terms))
+    constant = Term.of(steady, value=level * change.values[0], std=abs(level) * change.stds[0])
+    effects = EffectSet(tuple(constant if term is change else term for term in setup.effects.terms))
     mean, covariance, place = setup.prior.mean.copy(), setup.prior.covariance.copy(), PARAMETERS.stop + at
     mean[place] *= level
     covariance[place, :] *= level
     covariance[:, place] *= level
     ids = [*setup.prior.effect_ids]
-    ids[at] = TORQUE.id
+    ids[at] = steady.id
     return replace(setup, effects=effects, prior=Belief(mean, covariance, tuple(ids)))
 
 

@@ -90,8 +90,9 @@ Every function is printed from the Python that the estimator itself runs, with i
 comments are carried over. Compile without fused or reordered arithmetic (`-ffp-contract=off`, never `-ffast-math`).
 {verified}
 It differs from the estimator in this: an infinite speed counts as a missing one, as other infinite readings do to both,
-for there is nobody to raise an error to; a ninth command that waits to take force is refused (`rw_ekf_command` returns false); and arithmetic that Python
-refuses (a division by zero) gives NaN, which the estimator's own health check resets in the same step.
+for there is nobody to raise an error to; a ninth command that waits to take force is refused (`rw_ekf_command` returns
+false); and arithmetic that Python refuses (a division by zero) gives NaN, which the estimator's own health check resets
+in the same step.
 
 ## MISRA C:2012, deviations
 

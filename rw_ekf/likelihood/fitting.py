@@ -198,7 +198,8 @@ class Fit:
             local = model.of(name)[0].effect.local_in_time
             if local:
                 model = model.settled(name).with_found_laws(name)
-            if prior is None or (name in given and not local):
+            is_known = name in given and all(term.given for term in model.of(name))
+            if prior is None or (is_known and not local):
                 continue
             for item in self.terms_of(name):
                 values = item.term.values
@@ -215,13 +216,10 @@ class Fit:
     def terms_of(self, effect_id: str) -> list[FittedTerm]:
         """The terms of one effect, in the order of use."""
         found = []
-        for number, (term, at) in enumerate(self.model.placed):
-            if term.id == effect_id:
-                shapes = enumerate(self.model.refined, start=self.model.known)
-                stds = {
-                    term.effect.constants[j].name: float(self.std[place]) for place, (i, j) in shapes if i == number
-                }
-                found.append(FittedTerm(term, self.likelihood.covariance[at, at], stds))
+        for number, (term, at) in zip(self.model.numbers_of(effect_id), self.model.placed_of(effect_id), strict=True):
+            shapes = enumerate(self.model.refined, start=self.model.known)
+            stds = {term.effect.constants[j].name: float(self.std[place]) for place, (i, j) in shapes if i == number}
+            found.append(FittedTerm(term, self.likelihood.covariance[at, at], stds))
         return found
 
     def knows(self, effect_id: str, sigmas: float) -> bool:
@@ -271,7 +269,7 @@ class Fit:
 
     def _variances_of_given_shapes(self, effect_id: str) -> list[float]:
         """Variances of the coefficients of an effect with one term, were its refined shape constants known."""
-        number, at = next((i, at) for i, (t, at) in enumerate(self.model.placed) if t.id == effect_id)
+        number, (_, at) = self.model.numbers_of(effect_id)[0], self.model.placed_of(effect_id)[0]
         own = [*range(at.start, at.stop)]
         shapes = [p for p, (i, _) in enumerate(self.model.refined, start=self.model.known) if i == number]
         block = self.likelihood.covariance[np.ix_([*own, *shapes], [*own, *shapes])]

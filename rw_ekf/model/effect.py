@@ -245,6 +245,7 @@ class Term:
     shape: Shape = NO_SHAPE
     settled: bool = False  # shape constants that were fitted elsewhere stay as they are
     law: Law | None = None  # of a learned law: what it is a function of, and its functions
+    given: bool = field(default=False, compare=False)  # with the model a diagnosis began from, which found others
 
     @classmethod
     def of(cls, effect: type[Effect], shape: Shape = NO_SHAPE, value: float = 0.0, std: float = 0.0) -> Term:

@@ -38,7 +38,7 @@ KIND_UNITS = {
 }
 
 _SPEED, _SPEED_SIZE, _ANGLE, _CURRENT_ALONG, _CURRENT_SIZE, _TEMPERATURE, _TIME, _COLUMN = range(len(QUANTITIES))
-DRAG, _TORQUE, _VISCOUS, _WINDAGE, _GAIN, _LOSS = range(len(KINDS))
+DRAG, _TORQUE, _VISCOUS, _WINDAGE, _GAIN, LOSS = range(len(KINDS))
 FORMULA = -1  # in the place of a quantity: the values are a program (formula_program)
 TURN = 2.0 * math.pi
 _POINT = 1.0e-3  # rad: over less a mean is the value
@@ -207,8 +207,17 @@ def law_contribution(
 ) -> tuple[float, float, float, float, float, float]:
     """What a law of a size, with a slope by the speed, adds to a piece: six contributions (effects.md eq. 1).
 
-    Linear in size and slope. A drag over speed enters by its tangent at the piece's start. along: see `motion`.
+    Linear in size and slope, but that no more current is lost than there is. along: see `motion`.
     """
+    if kind == LOSS:
+        size = min(size, abs(current))
+    return linear_contribution(kind, size, slope, along, omega, current)
+
+
+def linear_contribution(
+    kind: int, size: float, slope: float, along: float, omega: float, current: float
+) -> tuple[float, float, float, float, float, float]:
+    """The same while more than the loss is there. A drag over speed enters by its tangent at the piece's start."""
     if kind == DRAG:  # sgn(omega) (size + slope (omega - omega_0))
         return 0.0, 0.0, along * slope, 0.0, 0.0, size - slope * omega
     if kind == _TORQUE:

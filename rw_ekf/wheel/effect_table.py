@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -111,8 +112,9 @@ class EffectSet:
         return tuple(dict.fromkeys(term.id for term in self.terms))
 
     def beyond(self, other: EffectSet) -> tuple[str, ...]:
-        """The ids that another set does not have, in order of use."""
-        return tuple(name for name in self.ids if name not in other.ids)
+        """The ids of which more was found here than in another set, in order of use; none of what was given counts."""
+        here, there = (Counter(term.id for term in effects.terms if not term.given) for effects in (self, other))
+        return tuple(name for name in here if here[name] > there[name])
 
     @property
     def laws(self) -> list[Law]:

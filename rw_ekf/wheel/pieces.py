@@ -8,7 +8,17 @@ from typing import Any, NamedTuple
 from rw_ekf.model.flow import flow, goes_evenly
 from rw_ekf.model.formula_program import formula_size
 from rw_ekf.model.friction import FrictionCurve, Stribeck
-from rw_ekf.model.law import DRAG, FORMULA, Place, law_contribution, law_place, law_value, motion
+from rw_ekf.model.law import (
+    DRAG,
+    FORMULA,
+    LOSS,
+    Place,
+    law_contribution,
+    law_place,
+    law_value,
+    linear_contribution,
+    motion,
+)
 from rw_ekf.model.moment import Moment as Moment  # noqa: PLC0414 - the filter has it from here
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
@@ -52,19 +62,25 @@ def _of_law(table: EffectTable, j: int, i: int, along: float, place: Place, at: 
     return law_value(table.law_values, table.law_sums, start, count, place)
 
 
+def _law_size(x: Any, table: EffectTable, j: int, along: float, place: Place, at: Moment) -> tuple[float, float]:
+    """Size of the j-th law in a step, and its slope by the speed."""
+    size, slope = 0.0, 0.0
+    for i in range(table.law_functions[j]):
+        a = x[table.law_at[j] + i]
+        if a == 0.0:
+            continue
+        value, rise = _of_law(table, j, i, along, place, at)
+        size += a * value
+        slope += a * rise
+    return size, slope
+
+
 def _gather_laws(x: Any, table: EffectTable, at: Moment) -> tuple[float, float, float, float]:
     """What learned laws and formulas add to one step: amperes, external, viscous and dry, as in `Terms`."""
     amperes, external, viscous, dry = 0.0, 0.0, 0.0, 0.0
     for j in range(table.law_at.shape[0]):
         along, place = motion(at.omega, at.current), _law_place(table, j, at)
-        size, slope = 0.0, 0.0
-        for i in range(table.law_functions[j]):
-            a = x[table.law_at[j] + i]
-            if a == 0.0:
-                continue
-            value, rise = _of_law(table, j, i, along, place, at)
-            size += a * value
-            slope += a * rise
+        size, slope = _law_size(x, table, j, along, place, at)
         part = law_contribution(table.law_kind[j], size, slope, along, at.omega, at.current)
         amperes += part[0]
         external += part[1]
@@ -128,9 +144,11 @@ def _chain_static(
         row[to + place] += of_dry * (x[COULOMB] * part[4] + part[5])
     for j in range(table.law_at.shape[0]):
         along, where = motion(at.omega, at.current), _law_place(table, j, at)
-        part = law_contribution(table.law_kind[j], 1.0, 0.0, along, at.omega, at.current)
+        if table.law_kind[j] == LOSS and _law_size(x, table, j, along, where, at)[0] >= abs(at.current):
+            continue  # all of it is lost: a little more changes nothing
+        part = linear_contribution(table.law_kind[j], 1.0, 0.0, along, at.omega, at.current)
         of_size = of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * part[2] + of_dry * part[5]
-        part = law_contribution(table.law_kind[j], 0.0, 1.0, along, at.omega, at.current)
+        part = linear_contribution(table.law_kind[j], 0.0, 1.0, along, at.omega, at.current)
         of_slope = of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * part[2] + of_dry * part[5]
         for i in range(table.law_functions[j]):
             value, rise = _of_law(table, j, i, along, where, at)

@@ -108,9 +108,8 @@ def test_a_clock_of_the_wheel_that_jumps_changes_nothing_of_the_time_watched(
     events = [json.loads(line) for line in path.read_text().splitlines()]
     for event in events:
         event["run_s"] = event["time_s"] or 0.0
-        if event["run_s"] > 3600.0:
-            event["time_s"] += jump_s
-            event |= {"since_s": event["since_s"] + jump_s} if "since_s" in event else {}
+        for key in {"time_s", "since_s"} & event.keys() if event["run_s"] > 3600.0 else ():
+            event[key] += jump_s
     path.write_text("".join(json.dumps(event) + "\n" for event in events))
     rows = log.read_text().splitlines()
     log.write_text("\n".join([*rows[:-1], f"{36000.0 + jump_s},100.0,0.1"]) + "\n")

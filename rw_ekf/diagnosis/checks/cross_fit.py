@@ -21,8 +21,9 @@ def disputed_share(fit: Fit, name: str, part: BoolArray) -> float:
     One that knows next to nothing of them disputes nothing.
     """
     linearised, model = fit.linearised, fit.model
-    own = [place for term, at in model.placed if term.id == name for place in range(at.start, at.stop)]
-    shapes = [place for place, (i, _) in enumerate(model.refined, start=model.known) if model.terms[i].id == name]
+    own = [place for _, at in model.placed_of(name) for place in range(at.start, at.stop)]
+    numbers = model.numbers_of(name)
+    shapes = [place for place, (i, _) in enumerate(model.refined, start=model.known) if i in numbers]
     others = [place for place in range(model.vector.size) if place not in {*own, *shapes}]
     r, A, _ = linearised.whitened(fit.noise.ratio, fit.noise.variance, linearised.jacobian, linearised.memory_jacobian)
     pull = np.zeros((0, len(others))) if fit.prior is None else prior_rows(fit.prior, model)[0][:, others]

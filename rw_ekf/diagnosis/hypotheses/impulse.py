@@ -60,7 +60,7 @@ def likeliest_impulse(profiled: Profiled, wanted: Iterable[Ground], begins_s: fl
 
 def at_once(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> Fit | None:
     """A brief event as an impulse, unless the event is clearly likelier; less: without it."""
-    term = next(term for term in fit.model.terms if term.id == name)
+    term = fit.model.of(name)[0]
     onset, decay = term.effect.lasts(term.shape)
     if 3.0 * decay > _BRIEF_S:
         return None

@@ -112,7 +112,7 @@ def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple
     total = sum(odds.values())
     probabilities = {other: odd / total for other, odd in sorted(odds.items(), key=lambda item: -item[1])}
     others = [(probabilities[other], its, its_std) for other, (_, its, its_std) in standing.items()]
-    at = next(at for term, at in fit.model.placed if term.id == name)
+    at = fit.model.placed_of(name)[0][1]
     return fit.widened_over(at, (size, std), others), {
         other: p for other, p in probabilities.items() if p > _LEAST_REPORTED
     }

@@ -37,7 +37,7 @@ class Moved(NamedTuple):
 def with_better_onset(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     """The fit with the best onset nearby, refitted from there, if it is better for it."""
     for _ in range(_MOST_HOPS):
-        number = next((i for i, term in enumerate(fit.model.terms) if term.id == name), None)
+        number = next(iter(fit.model.numbers_of(name)), None)
         if number is None or fit.model.terms[number].settled:
             return fit
         best = max(moved(fit, number, facts), key=lambda item: item.value)

@@ -39,7 +39,7 @@ def with_each_law(less: Fit, fit: Fit, name: str) -> dict[float, Fit]:
     """The fit with the effect by each law, by the code of the law, begun from `less`, which is without the effect."""
     effect = CATALOGUE[name]
     constant = next(i for i, item in enumerate(effect.constants) if item.name == LAW)
-    own = next(term for term in fit.model.terms if term.id == name)
+    own = fit.model.of(name)[0]
     fits, model = {own.shape[constant]: fit}, fit.model.without(name)
     for start in effect.starts(Candidate(own.values[0], own.shape), own.values[0]):
         if start.shape[constant] not in fits:

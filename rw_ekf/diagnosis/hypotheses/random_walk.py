@@ -116,9 +116,7 @@ def wandering(prepared: Prepared, final: Fit, enough: float) -> Wander | None:
         std = density / math.sqrt(term.shape[2])
         prior = None if prior is None else prior.with_coefficient(WANDERING.id, 0.0, std)
     fit = replace(less, prior=prior).refitted(less.model.with_terms(*terms))
-    most, at = max(
-        ((term, at) for term, at in fit.model.placed if term.id == WANDERING.id), key=lambda item: item[0].size
-    )
+    most, at = max(fit.model.placed_of(WANDERING.id), key=lambda item: item[0].size)
     trial = Trial(
         WANDERING,
         statistic,

@@ -84,10 +84,8 @@ class Selection:
 
     def without(self, name: str) -> Fit:
         """The final model without an effect; the search may have fitted that already."""
-        ids, stribeck = [item for item in self.final.model.effects.ids if item != name], self.final.model.stribeck
-        known = (
-            fit for fit, _ in self.searched if list(fit.model.effects.ids) == ids and fit.model.stribeck == stribeck
-        )
+        ids, stribeck = [item for item in self.new_ids if item != name], self.final.model.stribeck
+        known = (fit for fit, _ in self.searched if self.new_in(fit) == ids and fit.model.stribeck == stribeck)
         return next(known, None) or self.final.without(name)
 
     def one_by_construction(self, name: str) -> frozenset[str]:

@@ -209,7 +209,7 @@ def _named(found: Found, fit: Fit) -> Found:
     """The same with another fit standing, which explains what share it explains."""
     ledger = found.ledger.with_rows([fit])
     selection = replace(found.selection, final=fit, rivals={})
-    for term in (term for term in fit.model.terms if term.law is not None):
+    for term in (term for term in fit.model.terms if term.law is not None and not term.given):
         if term.id not in selection.trials:
             selection = selection.tried(Trial.of_law(term, fit.without(term.id), fit))
     for name in selection.new_ids:

@@ -59,7 +59,7 @@ def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]
 
 def _places(fit: Fit, name: str) -> list[int]:
     """Where the four parameters and the effect's coefficient stand in a model's vector."""
-    return [*range(PARAMETER_COUNT), next(at.start for term, at in fit.model.placed if term.id == name)]
+    return [*range(PARAMETER_COUNT), fit.model.placed_of(name)[0][1].start]
 
 
 def _known(fit: Fit, place: int) -> tuple[float, float]:

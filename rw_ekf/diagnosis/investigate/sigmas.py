@@ -42,14 +42,15 @@ def with_free_shapes(fit: Fit, name: str) -> Fit:
     """
     if not any(term.settled and term.effect.refined for term in fit.model.of(name)):
         return fit
-    terms = tuple(replace(t, settled=t.settled and t.id != name) for t in fit.model.effects.terms)
+    own = fit.model.of(name)
+    terms = tuple(replace(t, settled=t.settled and t not in own) for t in fit.model.effects.terms)
     model = replace(fit.model, effects=replace(fit.model.effects, terms=terms))
     linearised = linearise(fit.linearised.record, model, fit.trajectory, fit.noise, fit.omit)
     rows, aims = np.zeros((0, model.vector.size)), np.zeros(0)
     if fit.prior is not None:
         rows, aims = prior_rows(fit.prior, model)
     for place, (i, constant) in enumerate(model.refined, start=model.known):
-        if terms[i].id == name:
+        if i in fit.model.numbers_of(name):
             reach = terms[i].effect.constants[constant].reach_at(terms[i].shape[constant])
             rows = np.vstack((rows, np.eye(1, model.vector.size, place) / reach))
             aims = np.append(aims, terms[i].shape[constant] / reach)
@@ -108,7 +109,7 @@ def with_profiled_onset(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     of a place behind a reversal. What goes with the onset, its amplitude above all, is known the less by as much. Of an
     event whose shape is free.
     """
-    number = next(i for i, (term, _) in enumerate(fit.model.placed) if term.id == name)
+    number = fit.model.numbers_of(name)[0]
     if (number, ONSET) not in fit.model.refined:
         return fit
     place = fit.model.known + fit.model.refined.index((number, ONSET))

@@ -39,8 +39,7 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
     pieces = [term for term in fit.model.of(WANDERING.id) if not term.settled]
     if len(pieces) > 1 and WANDERING.id in effects:
         rest = tuple(name for name in effects if name != WANDERING.id)
-        given = [term for term in fit.model.of(WANDERING.id) if term.settled]  # a drift of the model's is no piece
-        less = fit.refitted(fit.model.without(WANDERING.id).with_terms(*given))
+        less = fit.without(WANDERING.id)  # a drift of the model that was given is no piece, and stays
         return log_evidence_with_walk(less, rest, pieces, facts)
     model = replace(
         fit.model,
@@ -56,7 +55,7 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
     total, correction, covariance = _integrated(linearised, fit)
     values = model.vector + model.limited(correction)
     for term, at in model.placed:
-        if term.id in effects:
+        if term.id in effects and not term.given:
             total += 0.5 * len(term.values) * math.log(2.0 * math.pi)
             total += _log_prior(term, values[at], covariance[at, at], model.seen_by(term.effect, facts))
     # A law pays for its kind by itself.

@@ -91,7 +91,9 @@ def grown_with_laws(search: Search, ledger: Ledger, selection: Selection, laws: 
             break
         done.add(row.key)
         terms = row.fit.model.terms
-        lasting = [t for t in terms if issubclass(t.effect, LawEffect) and t.effect.has_a_kind(t, ledger.facts)]
+        lasting = [
+            t for t in terms if not t.given and issubclass(t.effect, LawEffect) and t.effect.has_a_kind(t, ledger.facts)
+        ]
         if len(lasting) < MOST_LAWS:
             search.advance("fitting laws without a formula")
             ledger, selection = _with_laws(search, row, ledger, selection, laws)

@@ -20,6 +20,7 @@ from rw_ekf.diagnosis.thresholds import UNDOUBTED_P
 from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise_colour import independent_readings
+from rw_ekf.learning.aged_model import as_given
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.likelihood.one_step import Record
@@ -37,7 +38,7 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.second_record import with_times_of_record, without_past_changes
-from rw_ekf.starting_point import FilterSetup, setup_of_record, with_open_phases
+from rw_ekf.starting_point import FilterSetup, belief_of_model, setup_of_record, with_open_phases
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.effect_table import EffectSet
 
@@ -243,7 +244,8 @@ def _set_up(
         notes += model.remarks
         if model.effects.terms:
             refuse_runaway_model(source.log.name, course, setup, model)
-        setup = with_times_of_record(with_conditions(course), replace(setup, prior=_aged(model)))
+        believed = belief_of_model(as_given(model, setup.constants))
+        setup = with_times_of_record(with_conditions(course), replace(setup, prior=_aged(model)), believed)
         setup = without_past_changes(setup)
     noise = setup.constants.speed_noise_rad_s
     own = setup if configuration is None and model is None else setup_of_record(course)
@@ -359,5 +361,5 @@ def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
 
     Their shapes stay as they were found: on a whole record, of which only a part is fitted here.
     """
-    effects = EffectSet(tuple(replace(term, settled=True) for term in setup.effects.terms))
+    effects = EffectSet(tuple(replace(term, settled=True, given=True) for term in setup.effects.terms))
     return Model(parameters, setup.constants.stribeck, effects)

@@ -130,7 +130,7 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
             "posterior": verdict.posterior.get(name), "heldout_gain_percent": None,
             "decision": Decision(Reason.NOT_SIGNIFICANT),
         }  # fmt: skip
-        if name in selection.base.model.effects.ids:
+        if name in selection.base.model.effects.ids and name not in found.new_ids:
             entry["decision"] = Decision(Reason.GIVEN)
             entry["parameters"] = described(found.reported, name)
         elif name == GRID.id:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS, FrictionParameters
 from rw_ekf.numbers import plus_minus
 from rw_ekf.second_record import MOVED, contradict
 from rw_ekf.wheel.model_file import WheelModel
@@ -24,17 +24,18 @@ def sentence_since_model(found: Found, model: WheelModel) -> str:
         return ""
     here, known = slice(0, PARAMETER_COUNT), np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
     now, own = np.array(found.fit.model.parameters), found.fit.likelihood.covariance[here, here]
-    off = now - np.array(model.parameters)
+    before = found.prepared.setup.prior.parameters  # with what changed at the end of the model's own record
+    off = now - np.array(before)
     if not contradict(off, own + known):
         return ""
     size = np.sqrt(np.diag(own + known))
-    moved = [_moved(i, now, own, model) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
+    moved = [_moved(i, now, own, before, model) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
     which = ", ".join(moved) if moved else "all four parameters together"
     return f"The wheel has changed since the model given was made, or is another: {which}. "
 
 
-def _moved(i: int, now: Float64Array, own: Float64Array, model: WheelModel) -> str:
-    before = model.parameters[i]
+def _moved(i: int, now: Float64Array, own: Float64Array, given: FrictionParameters, model: WheelModel) -> str:
+    before = given[i]
     share = f", {100.0 * (now[i] - before) / before:+.2g} %" if before else ""
     return (
         f"{PARAMETER_NAMES[i]} {plus_minus(float(now[i]), math.sqrt(own[i, i]))} {STATE_UNITS[PARAMETER_NAMES[i]]} "
