@@ -202,7 +202,7 @@ def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: p
     """Its processes do not run the script again; the document is the command's, the table has its rows."""
     script, short = tmp_path / "script.py", tmp_path / "short.yaml"
     short.write_text(
-        "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 45.0}}\n", encoding="utf-8"
+        "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 141.0}}\n", encoding="utf-8"
     )
     script.write_text(
         "import rw_ekf\n"
@@ -221,11 +221,11 @@ def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: p
 
 def test_the_bench_says_at_once_what_it_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The first line on standard error, also of a pipe: runs, schemes, and about how long."""
-    short = "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 45.0}}\n"
+    short = "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 141.0}}\n"
     (tmp_path / "short.yaml").write_text(short, encoding="utf-8")
     assert main(["bench", "--scenario", str(tmp_path / "short.yaml"), "--schemes", "pid_current"]) == 0
     first = next(line for line in capsys.readouterr().err.splitlines() if "compiling" not in line)
-    assert re.match(r"rw-ekf: bench: 2 runs of 45 s with 1 schemes?, about \d+ s on a desktop computer", first)
+    assert re.match(r"rw-ekf: bench: 2 runs of 141 s with 1 schemes?, about \d+ s on a desktop computer", first)
 
 
 def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
