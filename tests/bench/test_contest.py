@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,17 @@ def test_the_document_and_the_page_say_what_was_found(held: Contest, tmp_path: P
     assert f"{rows[0].peak_deg:.4f}" in table.text()
     assert f"{rows[0].peak_deg:.4f}" in page
     assert "times less" in headline_of(rows)
+
+
+def test_without_the_plain_controller_the_headline_says_so_and_gives_the_best_peak(held: Contest) -> None:
+    """Nobody reads that no wheel reversed where pid_current was not asked for; where none did, it is said."""
+    dmc = [row for row in rows_of(held) if row.scheme == "dmc"]
+    said = headline_of(dmc)
+    assert said.startswith(f"A reversal throws the attitude off by {dmc[0].peak_deg:.2g} deg with dmc")
+    assert "pid_current was not among the schemes, so there is no ratio" in said
+    still = [replace(row, peak_deg=math.nan) for row in rows_of(held)]
+    assert headline_of(still[1:]).startswith("No wheel reversed, and pid_current was not among the schemes")
+    assert headline_of(still).startswith("No wheel reversed under the plain controller")
 
 
 def test_wrong_parameters_lose_what_right_ones_gain() -> None:
