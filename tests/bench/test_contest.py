@@ -24,6 +24,7 @@ from rw_ekf.attitude_bench.robustness import table_of as sweep_table
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.spike_answer import answer_to_spike, answers_of, documents_of
 from rw_ekf.attitude_bench.spike_answer import table_of as spikes_table
+from rw_ekf.cli import main
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.json_output import json_text
 from rw_ekf.worker_pool import workers
@@ -129,6 +130,19 @@ def test_the_spikes_of_a_contest_are_those_of_single_runs_in_the_order_asked_for
     np.testing.assert_array_equal(np.array(found["dmc", 1.0]), np.array(alone))  # NaN where nobody saw it recover
     assert [document["scheme"] for document in documents_of(found)] == schemes
     assert "trips" in spikes_table(found).text().splitlines()[3]  # the plain controller
+
+
+def test_a_place_that_cannot_be_a_folder_is_refused_before_the_first_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file that stands there, and a folder below one: status 2, a sentence, and no run begun."""
+    monkeypatch.setattr("rw_ekf.attitude_bench.held.hold_bench", lambda *given, **more: pytest.fail("it ran"))
+    (tmp_path / "page").write_text("", encoding="utf-8")
+    for place in (tmp_path / "page", tmp_path / "page" / "below"):
+        assert main(["bench", "--schemes", "dmc", "--out", str(place)]) == 2
+        said = capsys.readouterr().err
+        assert f"{place}: cannot be a directory to write in (" in said
+        assert "runs of" not in said
 
 
 def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPatch) -> None:
