@@ -367,6 +367,20 @@ def test_a_step_that_is_refused_leaves_the_filter_as_it_was(
     assert one.step(0.3, 1.2, 0.1).values == other.step(0.3, 1.2, 0.1).values
 
 
+@pytest.mark.parametrize(
+    "missing",
+    [np.float32("nan"), np.float16("nan"), np.array(np.nan), np.array(np.nan, np.float32), np.ma.array(9.0, mask=True)],
+)
+def test_a_missing_reading_is_missing_whatever_its_type(missing: Any) -> None:
+    """NaN of numpy's narrower types and in an array without dimensions, and what is masked there, are as NaN is."""
+    one, other = rw_ekf.Estimator(), rw_ekf.Estimator()
+    for estimator, gap in ((one, missing), (other, float("nan"))):
+        estimator.step(0.0, 1.0, 0.1)
+        estimator.step(0.1, gap, 0.1, temperature_degC=gap)
+    single: Any = np.array(1.5, np.float32)
+    assert one.step(0.2, single, 0.1).values == other.step(0.2, 1.5, 0.1).values
+
+
 def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: Path) -> None:
     """`report` writes the page into a folder; the model, where there is one, goes on to replay and Estimator."""
     found = rw_ekf.diagnose([log])
