@@ -381,6 +381,17 @@ def test_a_missing_reading_is_missing_whatever_its_type(missing: Any) -> None:
     assert one.step(0.2, single, 0.1).values == other.step(0.2, 1.5, 0.1).values
 
 
+@pytest.mark.parametrize("speed", [np.array([1.0, 2.0]), [1.0], np.array([1.0]), np.nan, np.float32("inf"), "1"])
+def test_friction_at_what_is_no_speed_is_refused_in_a_sentence(speed: Any) -> None:
+    """Several speeds, NaN or infinity: rw_ekf.Error in place of numbers that are none; one of numpy's is taken."""
+    estimate = rw_ekf.Estimator(inertia_kg_m2=1.5e-3).step(0.0, 1.0, 0.1)
+    for asked in (estimate.friction_torque_rad_s2, estimate.friction_torque):
+        with pytest.raises(rw_ekf.Error, match=r"speed_rad_s is .*: give one finite number"):
+            asked(speed)
+    one: Any = np.array(2.0)
+    assert estimate.friction_torque_rad_s2(one) == estimate.friction_torque_rad_s2(2.0)
+
+
 def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: Path) -> None:
     """`report` writes the page into a folder; the model, where there is one, goes on to replay and Estimator."""
     found = rw_ekf.diagnose([log])
