@@ -32,8 +32,6 @@ class Datagrams:
 
 
 def host_and_port(place: str) -> tuple[str, int]:
-    """Take HOST:PORT apart, brackets around an address of IPv6 removed. Raises OSError for a port that is none."""
+    """Take HOST:PORT apart, brackets around an address of IPv6 removed."""
     host, _, port = place.rpartition(":")
-    if int(port) > 65535:
-        raise OSError(None, f"{port} is no port, the largest is 65535")
     return host.strip("[]"), int(port)
