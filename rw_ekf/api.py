@@ -341,9 +341,16 @@ def _finite(name: str, value: Any, wanted: str = "a finite number") -> float:
 
 
 def _finite_or_none(name: str, value: Any) -> float | None:
-    """The same of what may be missing: None, NaN, or masked."""
-    missing = value is None or value is np.ma.masked or (isinstance(value, float) and math.isnan(value))
+    """The same of what may be missing: None, NaN of whatever type, or masked."""
+    missing = value is None or np.ma.is_masked(value) or _is_nan(value)
     return None if missing else _finite(name, value, "a finite number, or None where there was none")
+
+
+def _is_nan(value: Any) -> bool:
+    try:
+        return math.isnan(value)
+    except (TypeError, ValueError, OverflowError):  # no number, several, or a whole one beyond all floats
+        return False
 
 
 @contextmanager

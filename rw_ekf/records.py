@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -189,6 +190,19 @@ class FilterHealth:
 _NO_FRICTION = "nothing is known of the friction of an estimate that no estimator made"
 
 
+def _one_speed_rad_s(value: float) -> float:
+    """A speed that friction was asked for. Raises BadInputError for what is not one finite number."""
+    try:
+        if not getattr(value, "ndim", 0) and math.isfinite(value):
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise BadInputError(
+        f"friction torque: speed_rad_s is {repr(value)[:60]}: give one finite number [rad/s] at a time, or None "
+        "for the believed speed"
+    )
+
+
 class Friction(Protocol):
     """The friction torque per unit inertia at a sample, as the filter believes it."""
 
@@ -242,16 +256,18 @@ class Estimate:
         """Friction torque per unit inertia, all effects of the model included: value and standard deviation.
 
         Above zero it slows a wheel that turns forward. speed_rad_s: at another speed, taken for known, than the
-        believed one. Raises ValueError for an estimate that no estimator made.
+        believed one. Raises BadInputError for what is not one finite number, ValueError for an estimate that no
+        estimator made.
         """
         if self.friction is None:
             raise ValueError(_NO_FRICTION)
-        return self.friction.believed_rad_s2(speed_rad_s)
+        return self.friction.believed_rad_s2(None if speed_rad_s is None else _one_speed_rad_s(speed_rad_s))
 
     def friction_torque(self, speed_rad_s: float | None = None) -> Believed:
         """The same in N m, the inertia taken for known: value and standard deviation.
 
-        Raises BadInputError where nobody gave the inertia, ValueError for an estimate that no estimator made.
+        Raises BadInputError for such a speed and where nobody gave the inertia, ValueError for an estimate that no
+        estimator made.
         """
         if self.inertia_kg_m2 is None:
             raise BadInputError(

@@ -235,7 +235,7 @@ def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: p
     """Its processes do not run the script again; the document is the command's, the table has its rows."""
     script, short = tmp_path / "script.py", tmp_path / "short.yaml"
     short.write_text(
-        "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 45.0}}\n", encoding="utf-8"
+        "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 141.0}}\n", encoding="utf-8"
     )
     script.write_text(
         "import rw_ekf\n"
@@ -254,11 +254,11 @@ def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: p
 
 def test_the_bench_says_at_once_what_it_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The first line on standard error, also of a pipe: runs, schemes, and about how long."""
-    short = "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 45.0}}\n"
+    short = "{wheel: {start_rpm: 60.0}, control: {settling_s: 20.0}, cycle: {duration_s: 141.0}}\n"
     (tmp_path / "short.yaml").write_text(short, encoding="utf-8")
     assert main(["bench", "--scenario", str(tmp_path / "short.yaml"), "--schemes", "pid_current"]) == 0
     first = next(line for line in capsys.readouterr().err.splitlines() if "compiling" not in line)
-    assert re.match(r"rw-ekf: bench: 2 runs of 45 s with 1 schemes?, about \d+ s on a desktop computer", first)
+    assert re.match(r"rw-ekf: bench: 2 runs of 141 s with 1 schemes?, about \d+ s on a desktop computer", first)
 
 
 def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
@@ -398,6 +398,31 @@ def test_a_step_that_is_refused_leaves_the_filter_as_it_was(
     with pytest.raises(rw_ekf.Error, match=words):
         one.step(*reading, **conditions)
     assert one.step(0.3, 1.2, 0.1).values == other.step(0.3, 1.2, 0.1).values
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [np.float32("nan"), np.float16("nan"), np.array(np.nan), np.array(np.nan, np.float32), np.ma.array(9.0, mask=True)],
+)
+def test_a_missing_reading_is_missing_whatever_its_type(missing: Any) -> None:
+    """NaN of numpy's narrower types and in an array without dimensions, and what is masked there, are as NaN is."""
+    one, other = rw_ekf.Estimator(), rw_ekf.Estimator()
+    for estimator, gap in ((one, missing), (other, float("nan"))):
+        estimator.step(0.0, 1.0, 0.1)
+        estimator.step(0.1, gap, 0.1, temperature_degC=gap)
+    single: Any = np.array(1.5, np.float32)
+    assert one.step(0.2, single, 0.1).values == other.step(0.2, 1.5, 0.1).values
+
+
+@pytest.mark.parametrize("speed", [np.array([1.0, 2.0]), [1.0], np.array([1.0]), np.nan, np.float32("inf"), "1"])
+def test_friction_at_what_is_no_speed_is_refused_in_a_sentence(speed: Any) -> None:
+    """Several speeds, NaN or infinity: rw_ekf.Error in place of numbers that are none; one of numpy's is taken."""
+    estimate = rw_ekf.Estimator(inertia_kg_m2=1.5e-3).step(0.0, 1.0, 0.1)
+    for asked in (estimate.friction_torque_rad_s2, estimate.friction_torque):
+        with pytest.raises(rw_ekf.Error, match=r"speed_rad_s is .*: give one finite number"):
+            asked(speed)
+    one: Any = np.array(2.0)
+    assert estimate.friction_torque_rad_s2(one) == estimate.friction_torque_rad_s2(2.0)
 
 
 def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: Path) -> None:

@@ -51,17 +51,30 @@ def headline_of(rows: Sequence[Row]) -> str:
     """One sentence: what a reversal costs without compensation, and with the best one."""
     noise_rpm = rows[0].noise_rpm
     here = {row.scheme: row for row in rows if row.noise_rpm == noise_rpm and math.isfinite(row.peak_deg)}
+    # A loop in the wheel's own electronics is other hardware.
+    others = [row for row in here.values() if row.scheme != BASELINE and SCHEMES[row.scheme].inner_rate_hz is None]
+    if all(row.scheme != BASELINE for row in rows):
+        return _without_baseline(others or list(here.values()), noise_rpm)
     if BASELINE not in here:
         return "No wheel reversed under the plain controller: there is nothing to compare with."
     base = here[BASELINE]
-    # A loop in the wheel's own electronics is other hardware.
-    others = [row for row in here.values() if row.scheme != BASELINE and SCHEMES[row.scheme].inner_rate_hz is None]
     if not others:
         return f"A reversal throws the attitude off by {base.peak_deg:.2f} deg."
     best = min(others, key=lambda row: row.peak_deg)
     return (
         f"A reversal throws the attitude off by {base.peak_deg:.2g} deg; with {best.scheme} by {best.peak_deg:.2g} "
         f"deg, {base.peak_deg / best.peak_deg:.0f} times less, at {noise_rpm:g} rpm of speed noise."
+    )
+
+
+def _without_baseline(reversed_in: Sequence[Row], noise_rpm: float) -> str:
+    """The sentence where the plain controller was not asked for. reversed_in: rows that have a peak."""
+    if not reversed_in:
+        return f"No wheel reversed, and {BASELINE} was not among the schemes: there is nothing to compare."
+    best = min(reversed_in, key=lambda row: row.peak_deg)
+    return (
+        f"A reversal throws the attitude off by {best.peak_deg:.2g} deg with {best.scheme}, at {noise_rpm:g} rpm of "
+        f"speed noise; {BASELINE} was not among the schemes, so there is no ratio to it."
     )
 
 

@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from rw_ekf.attitude_bench.contest import Contest, Entry
-from rw_ekf.attitude_bench.metrics import RECOVERED_DEG, Metrics
+from rw_ekf.attitude_bench.metrics import RECOVERED_DEG, WINDOW_S, Metrics
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 
@@ -176,6 +176,7 @@ _COLUMNS = (
     _Column("impulse", "mNms", 3, lambda row, _: 1e3 * row.impulse_Nms),
 )
 LEGEND = (
-    f"peak: largest attitude error in the 120 s from the reversal on; worst: of all seeds; ratio: of {BASELINE}'s "
-    f"peak to it; recover: until the error stays below {RECOVERED_DEG:g} deg, - where it does not within 120 s."
+    f"peak: largest attitude error in the {WINDOW_S:g} s from the reversal on; worst: of all seeds; ratio: of "
+    f"{BASELINE}'s peak to it; recover: until the error stays below {RECOVERED_DEG:g} deg, - where it does not within "
+    f"{WINDOW_S:g} s."
 )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from rw_ekf.attitude_bench.metrics import WINDOW_S
 from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
 from rw_ekf.checking.choices import names_of
 from rw_ekf.checking.paths import path_of
@@ -28,6 +30,8 @@ REPRESENTATIVE = (
     "dither_triangular", "adrc", "sliding_mode", "pi_drag", "mrac", "ekbf",
 )  # fmt: skip
 _SPIKE_BEFORE_REVERSAL_S = 20.0
+_REVERSES_WITHIN_S = 1.0  # of when it would if the attitude were held to the last bit
+_LONGEST_S = 3600.0  # a run that nobody gave a length is made no longer
 # Constants of an estimator's effect that say where in its record it was, which a simulated wheel does not have.
 _OF_THE_RECORD = {"start_s", "piece_s", "reference_s"}
 
@@ -107,11 +111,13 @@ def schemes_of(wanted: Sequence[str] | str | None) -> list[str]:
 def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequence[str] | str | None) -> Scenario:
     """The scenario, with the wheel of a model where one is given, and the effects added to it.
 
-    Raises ConfigError for a file that is wrong, BadInputError for an effect that is, or a wheel that never reverses.
+    A model's wheel may reverse later: where no file says how long a run is, it then is long enough. Raises ConfigError
+    for a file that is wrong, BadInputError for an effect that is, a wheel that never reverses, or a run too short.
     """
     from rw_ekf.attitude_bench.bench_wheels import drawn_wheel
 
     scenario = Scenario() if path is None else load_scenario(path_of(path, "a scenario"))
+    length_given = "duration_s" in scenario.cycle.model_fields_set
     if model is not None:
         scenario = with_wheel_of(scenario, model)
     scenario = scenario.changed("wheel", effects=(*scenario.wheel.effects, *names_of("effects", effects)))
@@ -122,9 +128,13 @@ def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequ
             "the wheel never reverses in this scenario: wheel.start_rpm and body.disturbance_Nm must have opposite "
             "signs, so that the disturbance drives the wheel through zero"
         )
-    if reversal_s >= scenario.cycle.duration_s:
-        raise BadInputError(
-            f"the wheel would reverse after {reversal_s:.0f} s, but cycle.duration_s is {scenario.cycle.duration_s:g} "
-            "s: make the run longer, or start the wheel slower (wheel.start_rpm)"
-        )
-    return scenario
+    duration_s, wanted_s = scenario.cycle.duration_s, math.ceil(reversal_s + WINDOW_S)
+    if duration_s >= reversal_s + WINDOW_S - _REVERSES_WITHIN_S:
+        return scenario
+    if not length_given and wanted_s <= _LONGEST_S:
+        return scenario.changed("cycle", duration_s=float(wanted_s))
+    raise BadInputError(
+        f"the wheel would reverse after {reversal_s:.0f} s and is judged for {WINDOW_S:g} s from there on, but "
+        f"cycle.duration_s is {duration_s:g} s: give a scenario {wanted_s} s or more of it, or start the wheel slower "
+        "(wheel.start_rpm)"
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from rw_ekf.checking.choices import MOST_SEEDS, whole_number
 
@@ -55,7 +56,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.attitude_bench.prepare import scenario_of, schemes_of
     from rw_ekf.commands.answer import answer, drawn
     from rw_ekf.commands.first_use import make_ready
-    from rw_ekf.commands.inputs import read_wheel_model
+    from rw_ekf.commands.inputs import make_place, read_wheel_model
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.worker_pool import cores
@@ -63,6 +64,8 @@ def execute(args: argparse.Namespace) -> int:
     schemes = schemes_of(args.schemes)
     model = read_wheel_model(args.model)
     scenario = scenario_of(args.scenario, model, args.effect)
+    if args.out is not None:
+        make_place(Path(args.out))
     make_ready(DIAGNOSIS)
     more = {"with_robustness": args.robustness, "with_spikes": args.spikes}
     runs, cycle = count_of_runs(schemes, scenario, args.seeds, **more), scenario.cycle

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -14,6 +13,7 @@ from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
     log_options,
+    make_place,
     read_configuration,
     read_logs,
     read_own_effects,
@@ -99,13 +99,6 @@ def execute(args: argparse.Namespace) -> int:
 def _make_ready(directory: Path) -> None:
     """Make the place of the report, or refuse it, before the work that would have nowhere to go."""
     from rw_ekf.diagnosis.report.diagnosis_page import refuse_name_of_page
-    from rw_ekf.errors import BadInputError
 
     refuse_name_of_page(directory)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        reason = None if os.access(directory, os.W_OK | os.X_OK) else "Permission denied"
-    except OSError as error:
-        reason = error.strerror or str(error)
-    if reason is not None:
-        raise BadInputError(f"{directory}: cannot be a directory to write in ({reason}): give another place to --out")
+    make_place(directory)

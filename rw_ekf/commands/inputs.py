@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -216,6 +217,19 @@ def map_path(name: str) -> Path:
     from rw_ekf.settings.resources import available_resources, own_or_shipped
 
     return own_or_shipped(name, [shipped for shipped in available_resources() if shipped.startswith("columns-")])
+
+
+def make_place(directory: Path) -> None:
+    """Make the folder of --out, before the work. Raises BadInputError where that cannot be, or none may write there."""
+    from rw_ekf.errors import BadInputError
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        reason = None if os.access(directory, os.W_OK | os.X_OK) else "Permission denied"
+    except OSError as error:
+        reason = error.strerror or str(error)
+    if reason is not None:
+        raise BadInputError(f"{directory}: cannot be a directory to write in ({reason}): give another place to --out")
 
 
 def refuse_to_overwrite(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:

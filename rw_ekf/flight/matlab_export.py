@@ -26,6 +26,10 @@ from rw_ekf.wheel.pieces import _HELD, _LAG_STEPS, _LEAST_SHAPE
 
 MATLAB_SCHEMA = "rw_ekf.export_matlab/1"
 _LONGEST_NAME = 63  # of a function of MATLAB
+_RESERVED = {  # as iskeyword lists them
+    "break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if",
+    "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while",
+}  # fmt: skip
 _AT = "[omega, amperes, state.temperature_degC, angle, at + 0.5 * h, h, state.columns]"  # a Moment
 _MAIN = """function [omega_next, state_next] = NAME(omega, current, dt, p, state)
 %TITLE
@@ -121,6 +125,10 @@ def export_matlab(model: PlantModel, path: Path) -> dict[str, Any]:
         raise BadInputError(
             f"{path}: MATLAB calls a function as its file, and takes letters, digits and _ after a letter, "
             f"{_LONGEST_NAME} at most: give another name"
+        )
+    if name in _RESERVED:
+        raise BadInputError(
+            f"{path}: MATLAB calls a function as its file, and '{name}' is a word of its language: give another name"
         )
     write_text(path, matlab_text(model, name))
     return {

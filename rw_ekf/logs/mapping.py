@@ -44,7 +44,7 @@ def map_columns(table: RawTable, columns: ColumnMap) -> MappedColumns:
             continue
         index = _find(table, source)
         used.add(index)
-        values = _finite(table, index, name)
+        values = _finite(table, index, name, truths=source.scale != 1.0 or source.offset != 0.0)
         if source.missing is not None:
             values[values == source.missing] = np.nan
         mapped.sources[name] = source
@@ -80,8 +80,16 @@ def _find(table: RawTable, source: Source) -> int:
     return index
 
 
-def _finite(table: RawTable, index: int, name: str = "") -> Float64Array:
-    """Numbers of the column that is to be `name`; infinity is an error, a gap is NaN."""
+def _finite(table: RawTable, index: int, name: str, *, truths: bool = False) -> Float64Array:
+    """Numbers of the column that is to be `name`; infinity is an error, a gap is NaN.
+
+    truths: whether true and false are taken for 1 and 0, since a map says how much that is; segments may always be so.
+    """
+    if not truths and name != "segment" and table.is_truth(index):
+        raise LogError(
+            f"{table.path}: column '{table.names[index]}' holds true and false, not numbers: convert it to a number in "
+            "the unit that its name says"
+        )
     values = table.floats(index, stamps=name == "time_s")
     infinite = np.isinf(values)
     if infinite.any():

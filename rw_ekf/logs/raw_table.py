@@ -125,6 +125,15 @@ class RawTable:
 
         return bool(pa.types.is_string(column.type) or pa.types.is_large_string(column.type))
 
+    def is_truth(self, index: int) -> bool:
+        """Whether the column at `index` holds true and false."""
+        column = self.columns[index]
+        if isinstance(column, np.ndarray):
+            return bool(column.dtype == np.bool_)
+        import pyarrow as pa
+
+        return bool(pa.types.is_boolean(column.type))
+
     def is_plain_number(self, index: int) -> bool:
         """Whether the column at `index` holds numbers as such: no date, time of day or words."""
         column = self.columns[index]

@@ -188,7 +188,7 @@ def _column_of(values: Any, place: str) -> Any:
     if array.dtype.kind == "c":
         raise LogError(f"{place} holds complex numbers: {wanted}; give the real part, if that is meant")
     array, mask = array.reshape(-1), None if mask is None else mask.reshape(-1)
-    if array.dtype.kind in "biuf":
+    if array.dtype.kind in "iuf" or (array.dtype.kind == "b" and mask is None):
         return array if mask is None else np.where(mask, np.nan, array)
     import pyarrow as pa
 

@@ -7,8 +7,9 @@ unit stands in brackets at their end. Types are strict: a boolean or a text is n
 from __future__ import annotations
 
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from rw_ekf.checking.section import Section, matching, one_of
 from rw_ekf.plugins import added
@@ -32,17 +33,32 @@ CompensationScheme = Annotated[str, one_of(_run_schemes)]
 CompensationRequest = Literal["socket", "profile", "log"]
 StribeckLaw = Literal["gauss", "tustin", "lorentz"]
 
+_LARGEST_PORT = 65535
+
+
+def _port_there_is(text: str) -> str:
+    """A place whose port, where it has one, is a number that ports may have; its form has been looked at before."""
+    try:
+        _ = urlsplit(text if "://" in text else f"//{text}").port
+    except ValueError:
+        raise ValueError(f"the port must be a number up to {_LARGEST_PORT}") from None
+    return text
+
+
+_PORT = AfterValidator(_port_there_is)
 _PLACE = r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}"
-HostPort = Annotated[str, matching(_PLACE, "write HOST:PORT, such as 127.0.0.1:9464")]
+HostPort = Annotated[str, matching(_PLACE, "write HOST:PORT, such as 127.0.0.1:9464"), _PORT]
 InfluxTarget = Annotated[
     str,
     matching(
         rf"file|udp://{_PLACE}|https?://[^\s/]+/\S*", "write file, udp://HOST:PORT or http://HOST:PORT/api/v2/write?..."
     ),
+    _PORT,
 ]
 MqttTopic = Annotated[
     str,
     matching(rf"mqtt://{_PLACE}/[^\s#+]+", "write mqtt://HOST:PORT/TOPIC, such as mqtt://127.0.0.1:1883/wheels/rw0"),
+    _PORT,
 ]
 
 _EFFECT = r"[a-z][a-z0-9_]*(:[A-Za-z]\w*=[^,=\s]+(,[A-Za-z]\w*=[^,=\s]+)*)?"

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from rw_ekf.attitude_bench.robustness import table_of as sweep_table
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.spike_answer import answer_to_spike, answers_of, documents_of
 from rw_ekf.attitude_bench.spike_answer import table_of as spikes_table
+from rw_ekf.cli import main
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.json_output import json_text
 from rw_ekf.worker_pool import workers
@@ -96,6 +98,17 @@ def test_the_document_and_the_page_say_what_was_found(held: Contest, tmp_path: P
     assert "times less" in headline_of(rows)
 
 
+def test_without_the_plain_controller_the_headline_says_so_and_gives_the_best_peak(held: Contest) -> None:
+    """Nobody reads that no wheel reversed where pid_current was not asked for; where none did, it is said."""
+    dmc = [row for row in rows_of(held) if row.scheme == "dmc"]
+    said = headline_of(dmc)
+    assert said.startswith(f"A reversal throws the attitude off by {dmc[0].peak_deg:.2g} deg with dmc")
+    assert "pid_current was not among the schemes, so there is no ratio" in said
+    still = [replace(row, peak_deg=math.nan) for row in rows_of(held)]
+    assert headline_of(still[1:]).startswith("No wheel reversed, and pid_current was not among the schemes")
+    assert headline_of(still).startswith("No wheel reversed under the plain controller")
+
+
 def test_wrong_parameters_lose_what_right_ones_gain() -> None:
     """Friction that is believed four fifths too low leaves most of the error; a little too low leaves little."""
     (sweep,) = [s for s in SWEEPS if s.id == "friction_low"]
@@ -117,6 +130,19 @@ def test_the_spikes_of_a_contest_are_those_of_single_runs_in_the_order_asked_for
     np.testing.assert_array_equal(np.array(found["dmc", 1.0]), np.array(alone))  # NaN where nobody saw it recover
     assert [document["scheme"] for document in documents_of(found)] == schemes
     assert "trips" in spikes_table(found).text().splitlines()[3]  # the plain controller
+
+
+def test_a_place_that_cannot_be_a_folder_is_refused_before_the_first_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file that stands there, and a folder below one: status 2, a sentence, and no run begun."""
+    monkeypatch.setattr("rw_ekf.attitude_bench.held.hold_bench", lambda *given, **more: pytest.fail("it ran"))
+    (tmp_path / "page").write_text("", encoding="utf-8")
+    for place in (tmp_path / "page", tmp_path / "page" / "below"):
+        assert main(["bench", "--schemes", "dmc", "--out", str(place)]) == 2
+        said = capsys.readouterr().err
+        assert f"{place}: cannot be a directory to write in (" in said
+        assert "runs of" not in said
 
 
 def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,6 +82,34 @@ def test_a_wheel_that_cannot_reverse_is_refused(tmp_path: Path) -> None:
         scenario_of(str(path), None, [])
 
 
+def test_a_run_that_ends_before_the_reversal_is_judged_whole_is_refused(tmp_path: Path) -> None:
+    """The sentence says how long it must be, and so long it is taken, as is the default written out."""
+    path = tmp_path / "scenario.yaml"
+    for duration_s in (231, 340):
+        path.write_text(f"cycle: {{duration_s: {duration_s}}}\n", encoding="utf-8")
+        with pytest.raises(
+            BadInputError, match=rf"120 s from there on, but cycle.duration_s is {duration_s} s: .* 351 s"
+        ):
+            scenario_of(str(path), None, [])
+    for duration_s in (350, 351):
+        path.write_text(f"cycle: {{duration_s: {duration_s}}}\n", encoding="utf-8")
+        assert scenario_of(str(path), None, []).cycle.duration_s == duration_s
+
+
+def test_a_run_that_nobody_gave_a_length_lasts_until_a_later_reversal_is_judged(tmp_path: Path) -> None:
+    """A model's heavier wheel reverses after 307 s; a start that would take hours is refused all the same."""
+    model, path = tmp_path / "model.yaml", tmp_path / "scenario.yaml"
+    model.write_text(MODEL, encoding="utf-8")
+    assert scenario_of(None, read_model(model), []).cycle.duration_s == 427.0
+    assert scenario_of(None, None, []).cycle.duration_s == 350.0
+    path.write_text("cycle: {duration_s: 350}\n", encoding="utf-8")
+    with pytest.raises(BadInputError, match="a scenario 427 s or more of it"):
+        scenario_of(str(path), read_model(model), [])
+    path.write_text("body: {disturbance_Nm: -0.46e-5}\n", encoding="utf-8")
+    with pytest.raises(BadInputError, match="would reverse after 23016 s"):
+        scenario_of(str(path), None, [])
+
+
 def test_an_unknown_scheme_and_an_unknown_effect_are_refused_with_what_there_is() -> None:
     """Both sentences list what exists."""
     with pytest.raises(BadInputError, match="there is no such scheme; there are pid_current"):

@@ -133,8 +133,9 @@ def test_what_is_not_in_it_is_said(tmp_path: Path) -> None:
         assert re.search(r"speed_averaging is not in it: .* means over\s+[\d.]+ s", stated)
 
 
-@pytest.mark.parametrize("name", ["2wheels", "my-wheel", "w" * 64])
+@pytest.mark.parametrize("name", ["2wheels", "my-wheel", "w" * 64, "end", "function", "parfor"])
 def test_a_name_that_matlab_does_not_take(name: str, tmp_path: Path) -> None:
-    """It would never be found: a function has the name of its file."""
+    """It would never be found, nor a word of the language be parsed: a function has the name of its file."""
     with pytest.raises(BadInputError, match="give another name"):
         export_matlab(wheel_model(), tmp_path / f"{name}.m")
+    assert not list(tmp_path.iterdir())

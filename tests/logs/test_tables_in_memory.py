@@ -63,6 +63,17 @@ def test_what_is_no_column_is_said(column: object, words: str) -> None:
         rw_ekf.Log.from_arrays(**columns(speed_rad_s=column))
 
 
+@pytest.mark.parametrize("kind", [np.array, list, pa.array, lambda values: np.ma.array(values, mask=values)])
+@pytest.mark.parametrize("name", ["speed_rad_s", "current_A", "temperature_degC"])
+def test_true_and_false_are_no_speeds(kind: Callable[[Any], object], name: str) -> None:
+    """Nor currents or temperatures: they were read as 1 and 0; of segments, and of what nobody reads, they go on."""
+    held = kind(SPEED > 0.5)
+    with pytest.raises(rw_ekf.Error, match=rf"column '{name}' holds (bool|true and false), not numbers"):
+        rw_ekf.read(**columns(**{name: held}))
+    log = rw_ekf.read(**columns(segment=TIME_S[9] < TIME_S, armed=held))
+    assert len(np.unique(log.segment)) == 2
+
+
 @pytest.mark.parametrize(
     "make",
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import threading
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,7 +13,7 @@ import pytest
 
 import rw_ekf
 from rw_ekf.settings.resources import config_directory
-from tests.recorders.ticks import ALARM, recorder, turn
+from tests.recorders.ticks import ALARM, recorder, turn, until
 
 
 def curves(value: Any, path: str = "") -> dict[str, float]:
@@ -89,9 +90,47 @@ def test_what_the_system_does_not_take_is_counted_and_no_fault_of_the_run(
     assert not made.unwritten
 
 
-def test_a_name_that_is_none_is_bad_input(tmp_path: Path) -> None:
-    """One sentence with the key."""
+@pytest.mark.parametrize(("name", "scheme"), [("plotjuggler", ""), ("influx", "udp://")])
+def test_a_name_that_nobody_knows_at_this_moment_is_looked_up_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, scheme: str
+) -> None:
+    """As at boot, of both that send datagrams: what is missed is counted, the waiting said once, the rest is sent."""
+    monkeypatch.setattr("rw_ekf.sinks.recorders.late_place._TRY_EVERY_S", 0.01)
+    look_up, tried, up = socket.getaddrinfo, [], threading.Event()
+
+    def getaddrinfo(host: str, *more: Any, **options: Any) -> Any:
+        tried.append(host)
+        if not up.is_set():
+            raise socket.gaierror(socket.EAI_AGAIN, "Temporary failure in name resolution")
+        return look_up("127.0.0.1", *more, **options)
+
+    monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(10.0)
+        sink, made = recorder(tmp_path, name, f"{scheme}ground.example:{listener.getsockname()[1]}")
+        for i in range(3):
+            sink.write(turn(i))
+        until(lambda: len(tried) > 3)
+        assert made.logger.events == ["recorder_waits", "not_recorded"]
+        up.set()
+        way = sink._datagrams._way if name == "plotjuggler" else sink._target._datagrams._way
+        until(lambda: way.had)
+        sink.write(turn(3))
+        assert listener.recv(65536)
+        sink.close()
+    assert made.unwritten.not_sent == {name: 3}
+    assert not made.unwritten
+    assert made.logger.events == ["recorder_waits", "not_recorded"]
+
+
+def test_a_name_that_is_none_is_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence with the key, whatever name server this machine has."""
     from rw_ekf.errors import BadInputError
 
+    def getaddrinfo(*given: Any, **options: Any) -> Any:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
     with pytest.raises(BadInputError, match=r"output\.plotjuggler: no\.such\.place\.invalid:9870 is no place"):
         recorder(tmp_path, "plotjuggler", "no.such.place.invalid:9870")

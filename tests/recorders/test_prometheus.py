@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,14 +19,14 @@ import yaml
 from rw_ekf.errors import BadInputError
 from rw_ekf.records import CompensationNow, LinkState, ParameterFlags
 from rw_ekf.settings.resources import config_directory
-from tests.recorders.ticks import ALARM, recorder, turn
+from tests.recorders.ticks import ALARM, recorder, turn, until
 
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[Any, Any, int]]:
     """A recorder that listens, its run, its port."""
     sink, run = recorder(tmp_path, "prometheus", "127.0.0.1:0")
-    yield sink, run, sink._server.port
+    yield sink, run, sink._server.had.port
     sink.close()
 
 
@@ -128,8 +130,31 @@ def test_a_place_that_is_taken_is_bad_input(tmp_path: Path) -> None:
         place = f"127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(BadInputError, match=rf"output.prometheus: {place} cannot be listened at \(Address already"):
             recorder(tmp_path, "prometheus", place)
-    with pytest.raises(BadInputError, match="99999 is no port"):
-        recorder(tmp_path, "prometheus", "127.0.0.1:99999")
+
+
+def test_an_address_that_no_interface_has_yet_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As at boot: the run goes on, it is said once, and the page is there once the address is; a close ends it."""
+    monkeypatch.setattr("rw_ekf.sinks.recorders.late_place._TRY_EVERY_S", 0.01)
+    listen, tried, up = socket.create_server, [], threading.Event()
+
+    def create_server(address: tuple[str, int], **options: Any) -> socket.socket:
+        tried.append(address)
+        if not up.is_set():
+            raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
+        return listen(("127.0.0.1", 0), **options)
+
+    monkeypatch.setattr(socket, "create_server", create_server)
+    sink, run = recorder(tmp_path, "prometheus", "192.0.2.7:9464")
+    other, _ = recorder(tmp_path / "other", "prometheus", "192.0.2.8:9464")
+    sink.write(turn(0))
+    until(lambda: tried.count(("192.0.2.7", 9464)) > 3 and ("192.0.2.8", 9464) in tried)
+    other.close()
+    up.set()
+    assert "rw_ekf_speed_radians_per_second" in fetched(until(lambda: sink._server.had).port)
+    until(lambda: run.logger.events == ["recorder_waits", "metrics"])
+    assert other._server.had is None
+    sink.close()
+    sink.close()
 
 
 def wanted_for(name: str) -> set[str]:

@@ -107,6 +107,17 @@ def test_a_missing_section_names_its_required_key(tmp_path: Path) -> None:
         ("command: {profile: log}", "3:20", "command.log is required"),
         ("command: {log: map.yaml}", "3:16", "command.log is given but command.profile is sine"),
         ("command: {profile: log, log: gone.csv}", "3:30", "command.log: no such file"),
+        ("output: {plotjuggler: 'a b'}", "3:23", "write HOST:PORT, such as"),
+        (
+            "output: {plotjuggler: '127.0.0.1:70000'}",
+            "3:23",
+            "the port must be a number up to 65535",
+        ),
+        ("output: {prometheus: '[::1]:99999'}", "3:22", "the port must be a number up to 65535"),
+        ("output: {mqtt: 'mqtt://127.0.0.1:99999/t'}", "3:16", "the port must be a number up to 65535"),
+        ("output: {influx: 'udp://127.0.0.1:99999'}", "3:18", "the port must be a number up to 65535"),
+        ("output: {influx: 'http://127.0.0.1:99999/x'}", "3:18", "the port must be a number up to 65535"),
+        ("output: {influx: 'https://me:it@[::1]:x/y:1'}", "3:18", "the port must be a number up to 65535"),
         ("loop: {rate_hz: 1}", "2:1", "limits.silence_s 0.5 s must exceed one loop period, 1 s"),
         ("loop: {reply_timeout_ms: 100}", "3:26", "must be below one loop period, 100 ms"),
     ],
@@ -117,6 +128,20 @@ def test_mistakes_name_place_key_and_remedy(tmp_path: Path, extra: str, place: s
     assert len(found) == 1, found
     assert found[0].startswith(f"wheel.yaml:{place}: ")
     assert words in found[0]
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "influx: 'http://me:it@h/write?bucket=a:70000'",
+        "influx: 'udp://[::1]:65535'",
+        "influx: file",
+        "mqtt: 'mqtt://h:1/t:70000'",
+    ],
+)
+def test_a_port_that_there_is_is_taken(tmp_path: Path, place: str) -> None:
+    """The largest, none, and a colon that stands before no port."""
+    load(tmp_path, f"{LEAST}output: {{{place}}}\n")
 
 
 def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:

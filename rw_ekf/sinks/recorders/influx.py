@@ -218,7 +218,8 @@ def recorder_of(run: RunContext) -> InfluxRecorder:
     if not target.startswith("udp://"):
         return InfluxRecorder(run, _Http(target, run.clock, missed, run.logger.warning), leaves_file=False)
     try:
-        return InfluxRecorder(run, _Udp(Datagrams(target.removeprefix("udp://"), missed)), leaves_file=False)
+        datagrams = Datagrams("influx", target.removeprefix("udp://"), missed, run.logger.warning)
+        return InfluxRecorder(run, _Udp(datagrams), leaves_file=False)
     except OSError as error:
         raise BadInputError(f"output.influx: {target} is no place on a network ({error}): mend it") from None
 

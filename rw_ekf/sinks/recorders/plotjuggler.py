@@ -26,7 +26,7 @@ class PlotJugglerRecorder:
         self._records = TickRecords(run.clock, run.began, run.state_names)
         place = str(run.output.plotjuggler)
         try:
-            self._datagrams = Datagrams(place, self._missed)
+            self._datagrams = Datagrams("plotjuggler", place, self._missed, run.logger.warning)
         except OSError as error:
             raise BadInputError(f"output.plotjuggler: {place} is no place on a network ({error}): mend it") from None
 

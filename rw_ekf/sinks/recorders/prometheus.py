@@ -12,6 +12,7 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.model.state import STATE_NAMES
 from rw_ekf.records import Estimate, LinkState, Outcome, RunState, Tick, WheelSample
 from rw_ekf.sinks.all_sinks import RunContext
+from rw_ekf.sinks.recorders.late_place import LatePlace
 from rw_ekf.sinks.recorders.text_server import TextServer
 from rw_ekf.sinks.recorders.tick_record import TickRecords
 from rw_ekf.statistics import LATE_BOUNDS_MS
@@ -60,7 +61,10 @@ class PrometheusRecorder:
     leaves_file = False
 
     def __init__(self, run: RunContext) -> None:
-        """Begin to listen. Raises BadInputError if the place cannot be had."""
+        """Begin to listen, or wait for an address that this machine has not got yet.
+
+        Raises BadInputError if the place cannot be had.
+        """
         self._run = run
         self._records = TickRecords(run.clock, run.began, run.state_names)
         self._tick: Tick | None = None
@@ -70,12 +74,16 @@ class PrometheusRecorder:
         self._lock = threading.Lock()
         place = str(run.output.prometheus)
         try:
-            self._server = TextServer(place, "/metrics", self.page, CONTENT_TYPE)
+            self._server = LatePlace("prometheus", lambda: self._listen(place), run.logger.warning)
         except OSError as error:
             raise BadInputError(
                 f"output.prometheus: {place} cannot be listened at ({error.strerror or error}): give another HOST:PORT"
             ) from None
-        run.logger.info("metrics", address=f"http://{place.rpartition(':')[0]}:{self._server.port}/metrics")
+
+    def _listen(self, place: str) -> TextServer:
+        server = TextServer(place, "/metrics", self.page, CONTENT_TYPE)
+        self._run.logger.info("metrics", address=f"http://{place.rpartition(':')[0]}:{server.port}/metrics")
+        return server
 
     def write(self, tick: Tick) -> None:
         """Take a turn."""
