@@ -10,7 +10,7 @@ class Datagrams:
     """Sends and never waits. That nobody listens is no fault; what the system did not take is counted."""
 
     def __init__(self, place: str, missed: Callable[[int, str], None]) -> None:
-        """missed: told of ticks that were not sent, and why. Raises OSError for a HOST:PORT that is none."""
+        """missed: called for ticks that were not sent, with why. Raises OSError for a HOST:PORT that is none."""
         host, port = host_and_port(place)
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._address = address
