@@ -11,7 +11,7 @@ from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSamp
 class ReplayWheel:
     """A WheelDriver over (sample, command in force after it) pairs, as loaded from a log.
 
-    `command_current` ignores what is asked for and returns what was logged with the sample read last: the same loop
+    `command_current` ignores what is requested and returns what was logged with the sample read last: the same loop
     that flew runs over the record, and the model is driven by what truly went to the wheel.
     """
 

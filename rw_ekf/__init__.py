@@ -2,7 +2,7 @@
 
 bytes -> drivers -> WheelSample -> model + filter -> Tick -> sinks. See docs/ for the mathematics.
 
-Public is what `dir(rw_ekf)` names, and nothing else: functions and what they return, loaded when first asked for.
+Public is what `dir(rw_ekf)` names, and nothing else: functions and what they return, loaded when first used.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ _NUMPY_USUAL: Any = {"divide": "warn", "over": "warn", "under": "ignore", "inval
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """One thread for linear algebra, and numpy's usual way with overflows, whatever else the program asked of it."""
+    """One thread for linear algebra, and numpy's usual way with overflows, whatever else the program set."""
     with one_thread(), np.errstate(**_NUMPY_USUAL):
         yield
 
@@ -94,7 +94,7 @@ def read(
     columns: the column map of a foreign one, its path, or what `guess_columns` found; without it columns of other names
     are guessed, if that is certain; what the motion then speaks against is among the log's warnings. wheel: of a file
     or table that holds several, the one of that name or number: by the groups that bear it (InfluxDB's tag, a topic),
-    or the rows in which the column that tells them apart has it. time_zone: in which dates and times are that bear no
+    or the rows in which the column that distinguishes them has it. time_zone: in which dates and times are that bear no
     zone themselves, by its IANA name ("Europe/Berlin"); None: UTC. `time_s` of such a log is in seconds since 1970 in
     UTC. Raises Error with file, line and column, and what to do.
     """
@@ -126,7 +126,7 @@ def _of_arrays(source: Any, arrays: Mapping[str, Any], columns: object, wheel: o
 
 
 def guess_columns(source: Any, columns: str | Path | ColumnMap | None = None, **answers: object) -> GuessedColumns:
-    """Guess which column of a foreign log, or of a table, is what; what it cannot know, it asks.
+    """Guess which column of a foreign log, or of a table, is what; what it cannot know becomes a question.
 
     answers: `current=3`, `speed="n:rpm"`, or of a part, with two underscores, `current__unit="mA"`. columns: a map that
     says only how the file is laid out. Raises Error.
@@ -165,7 +165,7 @@ def fit(
 ) -> Fit:
     """Fit the parameters to a whole log, or to several of one wheel, and the effects of the prior.
 
-    noise: tell the noises as well. Raises Error.
+    noise: report the noises as well. Raises Error.
     """
     given = _configuration(configuration)
     return fit_record(
@@ -185,8 +185,8 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model lacks in a log, or in several of one wheel.
 
-    effect_file: of formulas of one's own, judged beside the catalogue. progress: True for a bar on a terminal, or what
-    is told of each step in words. Raises Error.
+    effect_file: of formulas of one's own, judged beside the catalogue. progress: True for a bar on a terminal, or a
+    function that is given each step in words. Raises Error.
     """
     formulas = [] if effect_file is None else read_effect_file(path_of(effect_file, "an effect file"), CATALOGUE_IDS)
     given = _configuration(configuration)
@@ -252,7 +252,7 @@ class _OwnLoop(Section):
     static: _ValueAndStd | None = Field(None, strict=False, description="value and std [rad/s^2]")
 
 
-_CONDITIONS = ("temperature_degC", "pressure_Pa", "bus_voltage_V", "angle_rad", "segment")  # that a step may be told
+_CONDITIONS = ("temperature_degC", "pressure_Pa", "bus_voltage_V", "angle_rad", "segment")  # that a step may be given
 
 
 class Estimator:
@@ -355,7 +355,7 @@ def _is_nan(value: Any) -> bool:
 
 @contextmanager
 def _reported(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
-    """Who is told of each step in words. Raises Error for what cannot be told."""
+    """The function that is given each step in words. Raises Error where it is none."""
     if callable(progress):
         yield progress
     elif progress is None or progress is False:

@@ -1,4 +1,4 @@
-"""A whole log fitted at once: the four parameters, and the effects and noises where they are asked for."""
+"""A whole log fitted at once: the four parameters, and the effects and noises where they are requested."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Fit(Shown):
     reports: tuple[ParameterReport, ...]
     quality: dict[str, Any]  # of the method: how well, by how many steps
     noises: NoisePosterior
-    with_noise: bool  # whether `noises` are told, and go into the model
+    with_noise: bool  # whether `noises` are reported, and go into the model
     warnings: tuple[str, ...]
     model: WheelModel
     refusal: str | None  # why this model is none to start from; None: it is one
@@ -157,7 +157,7 @@ def fit_record(
     wheel: WheelTag | None = None,
     advance: Callable[[], object] = lambda: None,
 ) -> Fit:
-    """Fit a log. prior: the a priori, its effects are fitted too; wheel: whose log it is; advance: told of each step.
+    """Fit a log. prior: the a priori, its effects are fitted too; wheel: whose log it is; advance: called at each step.
 
     Raises LogError for a log with too few speeds, BadInputError for a prior with which the filter runs away and for a
     method that there is not, FilterError where nothing can be fitted.

@@ -167,7 +167,7 @@ def _parsed(words: list[str]) -> argparse.Namespace:
 
 
 def _fail(kind: str, messages: Sequence[str], status: int, *, as_json: bool) -> int:
-    """Say what is wrong, and as a document too where one was asked for and none is there yet."""
+    """Say what is wrong, and as a document too where one was requested and none is there yet."""
     for text in messages:
         sys.stderr.write(f"rw-ekf: {'' if kind == 'interrupted' else 'error: '}{text}\n")
     try:

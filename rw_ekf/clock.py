@@ -58,7 +58,7 @@ class SystemClock:
 class Slot:
     """The part of each period that is one wheel's, where several share a line: one silent in it has had its turn.
 
-    So a wheel that does not answer costs the others one time-out a period, however often its own loop would ask again.
+    So a wheel that does not answer costs the others one time-out a period, however often its own loop would poll again.
     """
 
     def __init__(self, clock: Clock, period_s: float, phase_s: float) -> None:
@@ -78,11 +78,11 @@ class Slot:
         self._again_s = self.next_s()
 
     def take_up(self) -> None:
-        """Let it be asked at once: what it is waited for is worth the others' time."""
+        """Let it be queried at once: what it is waited for is worth the others' time."""
         self._again_s = -math.inf
 
     def wake_s(self, time_s: float) -> float:
-        """When whoever waits until a time [s] to ask again had better do so: not before it begins again."""
+        """When whoever waits until a time [s] to poll again had better do so: not before it begins again."""
         return max(time_s, self._again_s)
 
     def next_s(self) -> float:

@@ -43,7 +43,7 @@ def source_digest(modules: Sequence[ModuleType]) -> str:
 class Kernel:
     """A plain function that runs compiled, for arguments of the types of an example.
 
-    Ask `is_ready` before a call that a person waits for (`rw_ekf.compile_ahead` compiles several at once).
+    Query `is_ready` before a call that a person waits for (`rw_ekf.compile_ahead` compiles several at once).
     """
 
     interpreting = False  # of all kernels, see `interpreted`

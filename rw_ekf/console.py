@@ -64,7 +64,7 @@ class Status:
             self._put(f"\r\x1b[K{text}\n{self._shown}")
 
     def tell(self, text: str) -> None:
-        """Say what is done, to whom asked for that with -v."""
+        """Say what is done, where -v is given."""
         if self.tells:
             self.say(printable(f"rw-ekf: {text}"))
 
@@ -242,7 +242,7 @@ class _Lines:
 def progress(title: str, total: int | None, unit: str = "", *, delay_s: float = 2.0) -> Iterator[Any]:
     """Progress on standard error: a bar after delay_s, or lines where no terminal shows one. Yields a tqdm to update.
 
-    Its clock goes on while nothing is updated.
+    Its clock runs on while nothing is updated.
     """
     import threading
 

@@ -58,7 +58,7 @@ def _not_imported(error: ImportError) -> str:
 
 
 def _let_notebooks_show_figures() -> None:
-    """A figure that no pyplot made is shown by a notebook as a picture, and not as its name, once it is told how."""
+    """A figure that no pyplot made is shown by a notebook as a picture, not as its name, once it has a formatter."""
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     if shell is None or shell.display_formatter is None:
         return
@@ -88,7 +88,7 @@ def _defaults() -> Iterator[None]:
 
 
 def _matplotlib() -> ModuleType:
-    """Import matplotlib; one that does not know the backend asked for in MPLBACKEND would refuse to be imported."""
+    """Import matplotlib; one that does not know the backend named in MPLBACKEND would refuse to be imported."""
     if "matplotlib" in sys.modules:
         return sys.modules["matplotlib"]
     wanted = os.environ.pop("MPLBACKEND", None)
@@ -99,5 +99,5 @@ def _matplotlib() -> ModuleType:
             os.environ["MPLBACKEND"] = wanted
     if wanted is not None:
         with contextlib.suppress(ValueError):
-            mpl.rcParams["backend"] = wanted  # whoever draws with pyplot in this process gets what they asked for
+            mpl.rcParams["backend"] = wanted  # whoever draws with pyplot in this process gets the backend requested
     return mpl

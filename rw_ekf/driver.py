@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from rw_ekf.clock import Clock
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
-# Why a command is not what was asked for (IssuedCommand.reason), beside the words of a wire map.
+# Why a command is not what was requested (IssuedCommand.reason), beside the words of a wire map.
 TIMEOUT = "timeout"
 ACTED_THOUGH = "acted_though_"  # and the word of the refusal
-OPPOSITE = "opposite"  # telemetry tells the current that was written with the other sign
+OPPOSITE = "opposite"  # telemetry reports the current that was written with the other sign
 ZERO_BY_MODE = "zero_by_mode_idle"
 ZERO_BY_RESET = "zero_by_reset"
 
@@ -31,7 +31,7 @@ class WheelDriver(Protocol):
     def command_current(self, current_A: float) -> IssuedCommand:
         """Write one current. Only the guard of rw_ekf.live.guard may call this.
 
-        Acknowledged: the current that is reported is in force, though it may be another than was asked for (reason).
+        Acknowledged: the current that is reported is in force, though it may be another than was requested (reason).
         """
         ...
 
@@ -67,7 +67,7 @@ class WireLimits(NamedTuple):
     hottest_degC: float | None = None  # None: no temperature in telemetry
     current_unit: str = "A"  # "N m" where a torque stands in place of the current
     tells_current: bool = True  # whether telemetry has the current, commanded or measured
-    telemetry_s: float | None = None  # how often telemetry comes unasked [s]; None: it is asked for
+    telemetry_s: float | None = None  # how often telemetry comes unrequested [s]; None: on request
     command_within_s: float | None = None  # the wheel lets go of a current that is not repeated so soon [s]
 
 
@@ -97,7 +97,7 @@ class WheelProtocol(Protocol):
         """Open a wheel. Raises DriverError: no such port, busy, no permission, nobody answers.
 
         probe: wait until it answers. exclusive: refuse a port that another process has locked. control: what DTR and
-        RTS are set to. previous: the wheel that was lost on this port; counters, clock and segments go on from it.
+        RTS are set to. previous: the wheel that was lost on this port; counters, clock and segments continue from it.
         """
         ...
 
@@ -116,7 +116,7 @@ class WireItem(NamedTuple):
     unit: str = ""  # as the wire map has it: rpm, mA; "": none
     scale: float = 1.0
     offset: float = 0.0
-    constant: float | None = None  # on the wire; of a reply, what tells it from others
+    constant: float | None = None  # on the wire; of a reply, what distinguishes it from others
     states: Mapping[int, str] = {}  # what its numbers are called
     crc: WireCrc | None = None  # what it is the checksum of: all items before it
 

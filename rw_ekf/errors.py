@@ -4,7 +4,7 @@ RwEkfError              exit status 1: the work failed
 ├── BadInputError       exit status 2: a file, key, value or option that the user can mend
 │   ├── UsageError      a command line that is none
 │   ├── ConfigError     a configuration, wire map, model or column map (file:line:column: message; one line per finding)
-│   │   └── NotInstalledError   what a file asks for is there, but not what reads it
+│   │   └── NotInstalledError   what a file requires is there, but not what reads it
 │   └── LogError        a log that cannot be read or used (EmptyLogError: because there is no row in it)
 ├── PictureError        a picture that matplotlib cannot draw; what it shows is there without it
 ├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
@@ -12,7 +12,7 @@ RwEkfError              exit status 1: the work failed
 └── FilterError         the filter was given something that is not a number, or its covariance broke
 EndOfRecord             not an error: a replayed record has no more samples
 
-`kind` is what a program is told of them (docs/contract.md#error).
+`kind` identifies them to a program (docs/contract.md#error).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ConfigError(BadInputError):
 
 
 class NotInstalledError(ConfigError):
-    """A file asks for what a package that is not installed does."""
+    """A file requires what a package that is not installed does."""
 
 
 class LogError(BadInputError):
@@ -83,7 +83,7 @@ class NotStartedError(DriverError):
 
 
 class FilterError(RwEkfError):
-    """The filter refuses to go on: a non-finite number or a covariance that is not one."""
+    """The filter refuses to continue: a non-finite number or a covariance that is not one."""
 
     kind = "filter"
 

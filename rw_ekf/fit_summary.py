@@ -38,7 +38,7 @@ SUMMARY_SCHEMA = "rw_ekf.fit_summary/1"
 _LAGS = 20
 _WHITE = 1.96  # of 1 / sqrt(n): 95 % of the autocorrelations of noise lie within
 _ENTANGLED = 0.95  # a correlation from which on only a combination of two numbers is known
-_NO_READING = 1.0e-9  # of a reading's weight: what a stretch's first speed is at least told by
+_NO_READING = 1.0e-9  # of a reading's weight: the least that is known of a stretch's first speed
 _NOISES = 2  # of readings and of torque: numbers that were fitted beside the parameters
 _SHOWN_BY = {
     "motor_gain": "a current that changes while the wheel turns, up and down",
@@ -68,7 +68,7 @@ class FitSummary(Shown):
     numbers: dict[str, tuple[float, float, str]]  # value, standard deviation, unit, by name
     correlation: Float64Array  # (m, m)
     residual: Residual
-    unknown: tuple[str, ...]  # what this motion does not tell, and which would, in sentences
+    unknown: tuple[str, ...]  # what this motion does not show, and which would, in sentences
 
     @property
     def readings(self) -> int:

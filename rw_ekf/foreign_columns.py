@@ -1,4 +1,4 @@
-"""The columns of a foreign log, guessed: the map, what is asked, and whether the log then moves as a machine does."""
+"""The columns of a foreign log, guessed: the map, the open questions, and whether the log moves as a machine does."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class GuessedColumns(Shown):
 
     @property
     def column_map(self) -> ColumnMap:
-        """The map, to read the log with. Raises BadInputError while something is asked."""
+        """The map, to read the log with. Raises BadInputError while a question is open."""
         if not self.guess.is_certain:
             raise BadInputError(f"{self.log}: not certain: {'; '.join(item.text for item in self.guess.questions)}")
         return map_of_guess(self.guess, self.log)
@@ -67,7 +67,7 @@ class GuessedColumns(Shown):
         }
 
     def text(self) -> str:
-        """The map as YAML; what is asked, and what the motion speaks against, are comments."""
+        """The map as YAML; open questions, and what the motion speaks against, are comments."""
         doubts = "".join(f"{comment(f'DOUBTED: {doubt}')}\n" for doubt in self.doubts)
         return map_text(self.guess, self.log) + doubts
 

@@ -1,6 +1,6 @@
 """What is believed at the end of a log that nobody configured a filter for: all that it says, and no more.
 
-A run's filter has to follow a wheel that ages, and is told its noises: what it believes, `replay --as-run` gives. A log
+A run's filter has to follow a wheel that ages, with given noises: what it believes, `replay --as-run` gives. A log
 seen as a whole says itself whether its parameters wander, how much torque noise there was, and where its break-aways
 are to be linearised (docs/filter.md, "In hindsight").
 """
@@ -31,14 +31,14 @@ from rw_ekf.starting_point import LEAST_NOISE_RATIO, FilterSetup, note_of_foreig
 CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
 # Of the first look's sigmas: lags that come out right have 0.75 and more, one that was 12 sigma off had 0.32.
 _AS_SURE = 0.5
-_DIVERGED = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
+_DIVERGED = 10.0  # log-likelihood: other noises may cost some of it, a filter that diverged more
 _PART, _LONG = 8_000, 4  # samples that show how much wider other noises make it, and how often a long log has these
 
 
 def run_of_log(
     course: Course, setup: FilterSetup, *, keep_states: bool = False, keep_history: bool = False
 ) -> tuple[FilterRun, FilterSetup]:
-    """The filter over a log, and what it was told: parameters wander only where that makes the readings likelier."""
+    """The filter over a log, and what it was given: parameters wander only where that makes the readings likelier."""
     steady = replace(setup, constants=without_drift(setup.constants))
     run = filtered(course, steady, keep_states=keep_states, keep_history=keep_history)
     gate = setup.constants.gate
@@ -242,7 +242,7 @@ def wider_as(found: Sequence[tuple[float, Belief]], middle: Belief, whole: Belie
     whole would move, so that it counts as uncertainty alone. found: weights and components. Raises LinAlgError where
     one of the beliefs knows something for certain.
     """
-    # A record that has to tell its torque noise comes without a model, and so without effects; and of effects whose
+    # A record that has to show its torque noise comes without a model, and so without effects; and of effects whose
     # shape is open the parameters are what the shapes have in common.
     known, P = PARAMETERS, whole.covariance
     spread = np.zeros_like(P[known, known])

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False, frozen=True, repr=False)
 class Run(Shown):
-    """A replayed log: where it ended, how it went, and per-sample columns where they were asked for."""
+    """A replayed log: where it ended, how it went, and per-sample columns where they were requested."""
 
     log: WheelLog | LongLog  # of a long one the rows are not kept
     setup: FilterSetup
@@ -74,7 +74,7 @@ class Run(Shown):
     warnings: tuple[str, ...]
     columns: dict[str, Any] | None
     as_it_went: Belief | None = None  # at the end of the rows, where `belief` is in hindsight and may be another
-    noise_from: str | None = None  # who told the readings' noise, where nobody did: the record, the model
+    noise_from: str | None = None  # where the readings' noise is from, if not given: the record, the model
     filter_s: float = 0.0  # that the filter took [s]
     resets: int = 0  # of the filter, with a divergence or a lock-out among them
     picture_rows: tuple[WheelLog, dict[str, Any]] | None = None  # of a long log, a row in so many with its columns
@@ -171,12 +171,12 @@ def replay_log(
     setup: where to start (`setup_of_run`); without it configuration, model or the record say. Without configuration and
     setup the belief at the end is that of `rw_ekf.hindsight`.
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
-    and filterpy; `advance` is then told of every 100 samples done.
+    and filterpy; `advance` is then called for every 100 samples done.
     """
     began_s = time.perf_counter()
     noise_from = teller_of_noise(configuration, model, setup)
     again = None if model is None else made_of(model.source, log)
-    # A run goes on from its own start just as it went: every reading that it took then.
+    # A run continues from its own start just as it went: every reading that it took then.
     log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
     known = setup if setup is not None else model
     course = course_for(log, known)
@@ -234,7 +234,7 @@ def replay_of_log_reported(
     again: str | None,
     colour: NoiseColour | None,
 ) -> list[str]:
-    """What is told of a log and of the model that was given for it, before anything of the filter.
+    """What is reported of a log and of the model that was given for it, before anything of the filter.
 
     again: that the model was made of this very log. colour: of the readings' noise.
     """
@@ -250,7 +250,7 @@ def replay_of_log_reported(
 def teller_of_noise(
     configuration: Configuration | None, model: WheelModel | None, setup: FilterSetup | None
 ) -> str | None:
-    """Who told the readings' noise, where nobody was asked to."""
+    """Where the readings' noise is from, if it was not given."""
     if setup is not None or configuration is not None:
         return None
     return "the model" if model else "the record"

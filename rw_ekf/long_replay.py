@@ -56,7 +56,7 @@ def replay_long(
 ) -> Run:
     """Filter a log part by part, as `replay_log` does one that is held.
 
-    writers: take the rows, a part at a time. advance: is told of rows that have been filtered. Raises UnsoundError
+    writers: take the rows, a part at a time. advance: is given how many rows have been filtered. Raises UnsoundError
     where the log has to be read as a whole, and what `replay_log` raises.
     """
     began_s = time.perf_counter()
@@ -105,7 +105,7 @@ class _Parts:
     """The parts of a log as filters read them, and what is kept of them: the first, and where the wheel moves most."""
 
     def __init__(self, log: LongLog, columns: tuple[str, ...], *, as_it_was: bool) -> None:
-        """as_it_was: a run goes on from its own start with every reading that it took then, held ones too."""
+        """as_it_was: a run continues from its own start with every reading that it took then, held ones too."""
         self.colour: NoiseColour | None = None  # of the readings' noise, where neighbouring ones say the same
         self.driven = False
         self._log, self._columns, self._as_it_was = log, columns, as_it_was

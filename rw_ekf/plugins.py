@@ -66,11 +66,11 @@ def loaded_as(kind: type[Kind], point: EntryPoint) -> Kind:
 
 
 def refused(point: EntryPoint, why: str) -> ConfigError:
-    """The error for an entry point that is not what its group asks for."""
+    """The error for an entry point that is not what its group requires."""
     return ConfigError(f"{point.group}: {point.name!r} of {_origin(point)} ({point.value}) {why}")
 
 
-@functools.cache  # each log asks twenty-five formats whether it is theirs
+@functools.cache  # each log is tried with twenty-five formats
 def _imported(point: EntryPoint) -> Any:
     return point.load()
 

@@ -46,7 +46,7 @@ class IssuedCommand:
     current_A: float
     delay_s: float = 0.0
     acknowledged: bool = True  # False: the wheel did not confirm it; the old current may still hold
-    reason: str | None = None  # why it differs from what was asked for ("clamped", "slew", "over_speed", ...)
+    reason: str | None = None  # why it differs from what was requested ("clamped", "slew", "over_speed", ...)
     heeded: bool = True  # False: the wheel refuses currents, or nothing says that it takes them
 
 
@@ -71,7 +71,7 @@ class LinkCounters:
     reconnects: int = 0
     foreign: int = 0  # frames on a shared bus that claim to be of this wheel or this program, and are not
     echoes_lost: int = 0  # of requests whose echo (wheel.echo) did not come back as they were sent
-    bus_errors: int = 0  # that the controller of a bus told of
+    bus_errors: int = 0  # that the controller of a bus reported
     bus: str | None = None  # what that controller is: active, warning, passive, off; None: no bus, or it does not say
     trouble: str | None = None  # why the link is lost, while it is
     # What replies took beyond the time of their bytes on the line, over some fifty of them [ms]: what an adapter adds.
@@ -278,7 +278,7 @@ class Estimate:
         return Believed(self.inertia_kg_m2 * believed.value, self.inertia_kg_m2 * believed.std)
 
     def friction_value_rad_s2(self, speed_rad_s: float | None = None) -> float:
-        """Per unit inertia, without its deviation, in a tenth of the time: what a compensation asks for each turn."""
+        """Per unit inertia, without its deviation, in a tenth of the time: what a compensation evaluates each turn."""
         if self.friction is None:
             raise ValueError(_NO_FRICTION)
         return self.friction.value_rad_s2(speed_rad_s)
@@ -406,7 +406,7 @@ class Reading(NamedTuple):
     quiet_s: float = 0.0  # without telemetry before this tick, by the host's clock
 
 
-Controller = Callable[[Tick], float]  # the current [A] to ask for
+Controller = Callable[[Tick], float]  # the current [A] to request
 
 
 class Sink(Protocol):

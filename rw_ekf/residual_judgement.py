@@ -1,4 +1,4 @@
-"""Whether what a fit leaves of a log is noise: asked of every log that is replayed, and at the end of a run."""
+"""Whether what a fit leaves of a log is noise: tested on every log that is replayed, and at the end of a run."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
     """Whether what a fit of the four parameters leaves of the log is noise (docs/decisions/0012).
 
     Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
-    the setup's is told apart from that. A model with effects is judged where the filter ended. Where one fit from
-    there, along the readings, clearly leaves noise, that is the answer; where not, the likeliest of several is asked.
+    the setup's is distinguished from that. A model with effects is judged where the filter ended. Where one fit from
+    there, along the readings, clearly leaves noise, that is the answer; where not, the likeliest of several is tested.
     """
     if setup.fit_of_record is not None:
         return consistency_of_fit(setup.fit_of_record, setup.constants)

@@ -1,11 +1,11 @@
-"""A model that was found in one record, in another: what of it that record bears, and what is said where it does not.
+"""A model that was found in one record, in another: what of it that record bears, and the report where it does not.
 
 A filter learns coefficients; where a bump lies, when a spike began and how it decays are constants to it. They were
-fitted to the model's own record and are known no better than that one told. Taken for certain in a second record, they
-leave sigmas of the amplitude that hold in 60 %. So a log that is seen as a whole tells its own, within what one step of
-a fit reaches, and what it leaves open of them is in the belief (`rw_ekf.hindsight`). And the numbers of the model are
-an a priori that may be of another temperature or another wheel: where the log contradicts them, that is said, and they
-count as much less as they are off.
+fitted to the model's own record and are known no better than that record showed. Taken for certain in a second record,
+they leave sigmas of the amplitude that hold in 60 %. So a log that is seen as a whole determines its own, within what
+one step of a fit reaches, and what it leaves open of them is in the belief (`rw_ekf.hindsight`). And the numbers of the
+model are an a priori that may be of another temperature or another wheel: where the log contradicts them, that is
+reported, and they count as much less as they are off.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from rw_ekf.wheel.effect_table import EffectSet
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last
 _OPEN = 3.0  # log-likelihood, by which a law is less likely than another and yet may be it
-MOVED = 3.0  # sigmas by which a number is another than the model's, to be told
-# p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
+MOVED = 3.0  # sigmas by which a number is another than the model's, to be reported
+# p of the whole disagreement: a healthy wheel with sigmas a tenth too small is reported at one in 20,000.
 _DISAGREE_P = 1.0e-5
-# What a log is asked with by itself: ten of the model's sigmas, and the whole of each number. A wheel whose friction is
+# How a log is fitted by itself: ten of the model's sigmas, and the whole of each number. A wheel whose friction is
 # another by a tenth is a thousand sigmas off; a filter that may look no further than ten of them is lost there.
 _FREE_SIGMAS, _FREE_SHARE = 10.0, 1.0
 _MOST_WIDENED, _HALVINGS = 1.0e12, 40  # of variances; no model knows a number to a millionth of what it is
@@ -237,8 +237,8 @@ def _held(effects: EffectSet, end: int) -> EffectSet:
 def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     """The setup with the law that this log makes likeliest, of an effect that may follow several with one coefficient.
 
-    The record in which a model was found may have shown too little of a range to tell them apart; where this one does
-    not either, both are in the belief. The log is asked by itself: the model's numbers are those that go with its own
+    The record in which a model was found may have shown too little of a range to distinguish them; where this one does
+    not either, both are in the belief. The log is fitted by itself: the model's numbers are those that go with its own
     law, and count for little where another one is likelier.
     """
     ways = [setup.effects]

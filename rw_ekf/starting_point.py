@@ -61,11 +61,11 @@ class FilterSetup:
     effects: EffectSet = NO_EFFECTS
     inertia_from: str = ""  # "configuration", "model", or "assumed": what stands behind every torque
     fit_of_record: LogFit | None = None  # where the noises came from the record
-    stribeck_speed_std: float = 0.0  # where the record had to tell the Stribeck speed; 0: it is given
-    acceleration_noises: tuple[float, ...] = ()  # of equal weight, where the record had to tell it [rad/s per sqrt(s)]
+    stribeck_speed_std: float = 0.0  # where the record had to give the Stribeck speed; 0: it is given
+    acceleration_noises: tuple[float, ...] = ()  # of equal weight, where the record had to give it [rad/s per sqrt(s)]
     lowest_loss: FrictionParameters | None = None  # of the free run, where it was sought over the whole record
     effect_hypotheses: tuple[EffectSet, ...] = ()  # of equal weight: shapes that the record leaves open
-    stribeck_hypotheses: tuple[StribeckHypothesis, ...] = ()  # where the record told them (`rw_ekf.hindsight`)
+    stribeck_hypotheses: tuple[StribeckHypothesis, ...] = ()  # where the record showed them (`rw_ekf.hindsight`)
     lost_angle_rate: float = 0.0  # [rad^2/s] variance that an angle integrated from speeds gains; 0 of a logged one
 
     @property
@@ -165,7 +165,7 @@ def setup_of_record(
 
 
 def course_for(log: WheelLog, known: WheelModel | FilterSetup | None) -> Course:
-    """A log's course with what a model, or a start, asks of it: the columns of its laws, the temperature that acts.
+    """A log's course with what a model, or a start, requires of it: the columns of its laws, the temperature that acts.
 
     Raises LogError for a value that no machine can have.
     """
@@ -347,7 +347,7 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
 
 
 def note_of_foreign_machine(course: Course, parameters: FrictionParameters, constants: FilterConstants) -> str:
-    """What a person is told of a record that is not the default wheel's, and that nobody described."""
+    """What is reported of a record that is not the default wheel's, and that nobody described."""
     from rw_ekf.identify.units_guess import times
 
     noise, omega_s = constants.speed_noise_rad_s, constants.stribeck.omega_s

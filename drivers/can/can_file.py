@@ -11,7 +11,7 @@ from rw_ekf.checking.section import NOT_NULL, Mistake, Section, matching, one_of
 from rw_ekf.drivers.can.can_frames import CHECKSUMS, EXTENDED_IDS, STANDARD_IDS
 from rw_ekf.drivers.line.wire_layout import QUANTITIES, UNITS, LineSettings
 
-# What telemetry may tell beside the quantities of any map: signals that are up where they are not zero.
+# What telemetry may report beside the quantities of any map: signals that are up where they are not zero.
 FLAG_BITS = {"fault": 1, "current_limited": 2, "over_temperature": 4}
 REPORTED = (*(name for name in QUANTITIES if name not in ("flags", "speed_reference")), *FLAG_BITS)
 
@@ -90,7 +90,7 @@ class Sent(Section):
 
 
 class CycleKeys(Section):
-    """The messages that tell of one moment, and how often."""
+    """The messages that report one moment, and how often."""
 
     messages: tuple[Identifier, ...] = Key(
         strict=False, min_length=1, description="in the order in which they are sent"
@@ -99,7 +99,7 @@ class CycleKeys(Section):
     within_ms: Annotated[float | None, NOT_NULL, Key(gt=0)] = None  # from the first to the last; else half a period
     missing_after: int = Key(3, ge=1, le=1000, description="cycles after which a frame is no news")
     same_alive: bool = Key(False, description="whether the messages of a cycle bear the same count")
-    request: Annotated[Literal["remote"] | Sent | None, NOT_NULL] = None  # what has it sent; else nobody asks
+    request: Annotated[Literal["remote"] | Sent | None, NOT_NULL] = None  # what has it sent; else it comes unrequested
 
 
 class CommandKeys(Section):

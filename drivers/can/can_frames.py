@@ -22,7 +22,7 @@ class CanFrame(NamedTuple):
     data: bytes = b""
     extended: bool = False
     remote: bool = False
-    error: bool = False  # of no node: the controller tells of the bus, as SocketCAN's linux/can/error.h has it
+    error: bool = False  # of no node: the controller reports on the bus, as SocketCAN's linux/can/error.h has it
     time_s: float = 0.0
 
     def lasts_s(self, bitrate: int) -> float:

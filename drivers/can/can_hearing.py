@@ -1,4 +1,4 @@
-"""What is heard on a bus, sorted: telemetry kept as it was last told, and the rest counted by why it is not taken."""
+"""What is heard on a bus, sorted: telemetry kept as last reported, and the rest counted by why it is not taken."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
 
 _ECHO_S = 0.2  # a frame of our own that comes back does so soon
-_QUIET_S = 0.3  # behind it another wheel may speak: nothing that was told before it counts
+_QUIET_S = 0.3  # behind it another wheel may speak: nothing that was reported before it counts
 # Error frames as SocketCAN's linux/can/error.h has them.
 CONTROLLER, BUS_OFF, RESTARTED = 0x004, 0x040, 0x100  # classes: bits of the identifier
 _STATE_BYTE = 1  # of the data, where the class is CONTROLLER
@@ -149,7 +149,7 @@ class BusWatch:
 
 
 class Reported(NamedTuple):
-    """What the messages of one moment said."""
+    """What the messages of one moment reported."""
 
     numbers: Mapping[str, Mapping[str, float]]  # by message and signal
     time_s: float  # when the first of them came, by the host's monotonic clock

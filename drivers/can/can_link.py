@@ -1,4 +1,4 @@
-"""A wheel's link over a CAN bus: what it tells unasked is kept and given as registers, currents go out as messages.
+"""A wheel's link over a CAN bus: what it sends unrequested is kept and given as registers, currents go out as messages.
 
 A register that is read is the newest whole set of its messages (can_hearing.py), each set given once where it is the
 cycle's. A current that is written is acknowledged when a cycle behind it says that it is in force.
@@ -33,7 +33,7 @@ _NO_ROOM_S = 0.5  # a bus that takes no frame for so long is lost: the wheel can
 class CanLink:
     """An open bus, as SerialLink is an open line. Raises DriverError when it cannot be opened or fails."""
 
-    in_turns, may_ask = False, True  # on a bus nobody is asked
+    in_turns, may_ask = False, True  # on a bus nobody is polled
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class CanLink:
 
     @property
     def news(self) -> tuple[str, str] | None:
-        """An event of the bus and its sentence, until it is told."""
+        """An event of the bus and its sentence, until it is reported."""
         return self._heard.news
 
     @news.setter
@@ -80,7 +80,7 @@ class CanLink:
         self._heard.news = news
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
-        """Give what a register tells, or write one, within timeout_s. Raises DriverError if the bus fails."""
+        """Give what a register holds, or write one, within timeout_s. Raises DriverError if the bus fails."""
         register = self._map.register_of_id(register_id)
         assert register is not None
         now_s = self._clock.monotonic()
@@ -106,7 +106,7 @@ class CanLink:
         """Nothing of a bus is the wheel's."""
 
     def unanswered(self, waited_s: float) -> DriverError:
-        """What to say where no wheel tells anything."""
+        """What to say where no wheel reports anything."""
         heard = self._heard
         return DriverError(
             f"{self.settings.port} opened but no whole cycle of telemetry in {waited_s:.1f} s ({heard.frames} frames, "
@@ -147,7 +147,7 @@ class CanLink:
             self._heard.take(deadline_s - now_s)
 
     def _ask(self) -> float | None:
-        """Ask for a cycle where the wheel wants to be asked; when that was."""
+        """Ask for a cycle where the wheel sends on request only; when that was."""
         request = self._layout.file.cycle.request
         if request is None:
             return None
@@ -162,7 +162,7 @@ class CanLink:
         return wanted_s
 
     def _reported(self, register: Register) -> Exchange:
-        """What was told of a register at its own pace, unless that is too long ago."""
+        """What was reported of a register at its own pace, unless that is too long ago."""
         now_s = self._clock.monotonic()
         messages = self._layout.messages_of(register.name)
         reported = [self._heard.newest[name] for name in messages if name in self._heard.newest]
@@ -270,7 +270,7 @@ class CanLink:
         return decode_register(register, self._packed(register, reported.numbers))[self._confirming or ""]
 
     def _may_A(self, current_A: float) -> float:
-        """By how much a current in force may be told otherwise."""
+        """By how much a current in force may differ as reported."""
         may_A = self._layout.file.command.tolerance
         for field in (self._map.speed_register.field(self._confirming or ""), self._map.current_command.fields[0]):
             if field is not None:

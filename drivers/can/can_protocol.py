@@ -1,7 +1,7 @@
 """Wheels on a CAN bus (`family: can`), as a map of messages describes them (docs/wire-protocol.md#can).
 
-The map becomes the registers that the rest of the program knows: what stands where, checked together. What is told at
-one moment (`cycle`) is one register, `cycle`; a value told at its own pace is a register of its name; `status` and
+The map becomes the registers that the rest of the program knows: what stands where, checked together. What is sent at
+one moment (`cycle`) is one register, `cycle`; a value reported at its own pace is a register of its name; `status` and
 `identity` are what they are on a serial line. Commands are the registers that write.
 """
 
@@ -123,7 +123,7 @@ def can_map(file: CanFile, database: Any, where: Where) -> CanMap:
 
 
 def _sources(file: CanFile) -> dict[str, dict[str, Source]]:
-    """By register, what it tells, and where that stands."""
+    """By register, what it holds, and where that stands."""
     found: dict[str, dict[str, Source]] = {}
     for name, reported in file.telemetry.items():
         message, signal = reported.signal.split(".")

@@ -1,4 +1,4 @@
-"""Lines of text in the place of frames: what a register is asked by, and what its answer says.
+"""Lines of text in the place of frames: what queries a register, and what its answer says.
 
     line    [prompt] text [*checksum] end
 
@@ -26,7 +26,7 @@ _CUT = b"\x00"  # before the rest of a line that is too long: none such holds
 _ENDS = re.compile(rb"[\r\n]+")
 _ODD = re.compile(rb"[^\x09\x20-\x7f]")  # no line holds such a byte
 STARTUP_ID = 0x100  # and the number of the line; beyond all registers
-_NOT_OURS = Frame(-1, -1, b"")  # a good line, and none that answers what was asked
+_NOT_OURS = Frame(-1, -1, b"")  # a good line, but no answer to the query
 _NOTHING = Frame(-2, -1, b"")  # a line that the map knows to say nothing
 
 
@@ -40,7 +40,7 @@ def checksum_of(content: bytes, kind: str) -> str:
 
 
 class AsciiCodec:
-    """One end of a line. It remembers what was asked or heard last, for a line says less than a frame."""
+    """One end of a line. It remembers what was requested or heard last, for a line says less than a frame."""
 
     def __init__(self, wire_map: AsciiMap, forms: Mapping[int, int] | None = None) -> None:
         """forms: by id of a register a number for the form of its answers, by which `heard` counts them."""
@@ -57,7 +57,7 @@ class AsciiCodec:
         self.refused_line: str | None = None  # the line by which it was refused, and the map's number for that
         self.refused_status = STATUS_OK
         self.heard: Counter[int] = Counter()  # lines by form; the same line again is not counted
-        self.has_restarted = False  # the wheel said so
+        self.has_restarted = False  # as the wheel reported
         self.odd = ""  # the last line that says nothing of the map
         self._wanted: tuple[int, AsciiRegister | None, str] = (0, None, "")
         self._last = ""
@@ -67,7 +67,7 @@ class AsciiCodec:
     # --- this end -----------------------------------------------------------------------------------------------
 
     def request(self, seq: int, register_id: int, data: bytes) -> bytes:
-        """The line that asks or commands."""
+        """The line of a query or a command."""
         register = self._register(register_id)
         assert register is not None
         text = register._asks.printed(self._address | (_numbers(register, data) if data else {}))

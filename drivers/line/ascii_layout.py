@@ -114,7 +114,7 @@ class AsciiField(Field):
 
 
 class AsciiRegister(Register):
-    """A line that asks and the line that answers, or one that commands and what acknowledges it."""
+    """A query line and the line that answers, or a command line and what acknowledges it."""
 
     request: str = Key(description="the line that is sent")
     reply: Annotated[str | None, NOT_NULL] = Key(None, description="the line that answers; none: nothing does")

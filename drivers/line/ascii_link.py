@@ -1,10 +1,10 @@
 """A line of text in both directions: no late answer is a fresh one, no wheel is driven before it is made ready.
 
 An answer has no number. Behind a request that was given up its answer may still come, and would be taken for that of
-the next one. So the first answer behind such requests is not believed, and nothing is asked until the line has been
+the next one. So the first answer behind such requests is not believed, and nothing is requested until the line has been
 silent for as long as those requests were apart: on a line that keeps every answer, however long, they come as far apart
-as what asked for them, and each that comes makes the silence begin again. So an answer that is lost costs two readings,
-and one that is late is none. Where the wheel tells its clock an answer that fits it is believed at once. A command
+as their requests, and each that comes makes the silence begin again. So an answer that is lost costs two readings,
+and one that is late is none. Where the wheel reports its clock an answer that fits it is believed at once. A command
 waits for nothing: whether what confirms it is its own is seen by a question behind it.
 """
 
@@ -59,7 +59,7 @@ class AsciiLink(SerialLink):
         self._owed: dict[int, _Owed] = {}  # by form of the answer
         self._reported: dict[
             int, tuple[float, float]
-        ] = {}  # by register: the wheel's clock, and when it was asked for that
+        ] = {}  # by register: the wheel's clock, and when that was requested
         self._stated_A = 0.0  # the current that was written last
         self._begin_again_s = -math.inf
         self._answered_s = math.inf  # when the wheel has answered last; infinity: never
@@ -119,7 +119,7 @@ class AsciiLink(SerialLink):
         if register.reply is None:
             exchange = self._say(self.codec.request(0, register.id, data))
             if self._telling is not None and register.name == "current_command":
-                return exchange._replace(data=None)  # whoever commands asks what is in force
+                return exchange._replace(data=None)  # whoever commands queries what is in force
         else:
             exchange = super().request(register.id, data, 1, timeout_s)
             if exchange.data not in (None, bytes((STATUS_OK,))):
@@ -160,7 +160,7 @@ class AsciiLink(SerialLink):
         self._is_ready, self._stated_A = True, wanted_A
 
     def _ask(self, register: Register, timeout_s: float | None = None) -> Exchange:
-        """Ask once; an answer that may be another's is none."""
+        """Request once; an answer that may be another's is none."""
         form, now_s = self._forms[register.id], self._clock.monotonic()
         if self.in_turns and not self._is_settled(form, now_s):  # a question would begin the silence again
             return Exchange(None, now_s, now_s)
@@ -168,7 +168,7 @@ class AsciiLink(SerialLink):
         owed = self._owed.get(form)
         if exchange.data is None:
             if not self.is_refused:
-                if register.name != "identity":  # an old one says the same, and it is asked again and again
+                if register.name != "identity":  # an old one says the same, and it is requested again and again
                     self._give_up(form, exchange)
                 self._in_vain += 1
             return exchange
@@ -185,7 +185,7 @@ class AsciiLink(SerialLink):
         return abs((wanted_s - before_wanted_s) - (uptime_s - before_s)) < _FRESH_SHARE * self.reply_timeout_s
 
     def _be_silent(self, form: int, owed: _Owed, since_s: float) -> None:
-        """Nothing is asked from a time [s] on until no more answers of a form can come."""
+        """Nothing is requested from a time [s] on until no more answers of a form can come."""
         gap_s = max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
         owed.heard, owed.silent_until_s = self.codec.heard[form], since_s + owed.apart_s + gap_s
 

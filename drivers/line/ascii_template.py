@@ -4,7 +4,7 @@
     {name:.1f}      a number with one digit behind the point, no more and no fewer
     {name:d}        a whole number
     {name:08.1f}    as .1f, zeros before it up to eight characters, so that no digit can be lost unseen; 06d alike
-    {name:text}     any text up to the character that follows: as a number its CRC-32, by which another text is told
+    {name:text}     any text up to the character that follows: as a number its CRC-32, which distinguishes texts
     {_}             any text, ignored
     {address:02d}   the wheel's address on its line, in two digits; another wheel's line is not this one's
 

@@ -104,7 +104,7 @@ class CurrentWriter:
         return exchange, None if status == STATUS_OK else self._map.status_name(status)
 
     def _reported_A(self) -> float | None:
-        """The command in force by telemetry; None where the wheel does not tell it, or does not answer."""
+        """The command in force by telemetry; None where the wheel does not report it, or does not answer."""
         if self._telling is None:
             return None
         data = self._line.request(self._telling.id, b"", self._telling.size).data

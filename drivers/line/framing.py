@@ -94,7 +94,7 @@ def decode(buffer: bytes, framing: Framing | None = None) -> Decoded:
     """Take every frame out of `buffer`; feed `rest` in front of the next bytes.
 
     Which frames come out does not depend on where the bytes were cut, and `rest` never exceeds one frame. After a
-    damaged frame the search goes on just behind its start, so that a good frame behind a torn one is still found.
+    damaged frame the search continues just behind its start, so that a good frame behind a torn one is still found.
     """
     framing = framing or Framing()
     start = bytes((framing.escape, framing.start))
@@ -125,7 +125,7 @@ class Codec(Protocol):
     overhead_bytes: int  # of a frame around its data, escapes aside
 
     def request(self, seq: int, register_id: int, data: bytes) -> bytes:
-        """The frame that asks. Raises ValueError if it does not fit into one."""
+        """The frame of a request. Raises ValueError if it does not fit into one."""
         ...
 
     def replies(self, buffer: bytes) -> Decoded:

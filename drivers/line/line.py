@@ -24,7 +24,7 @@ class Line(Protocol):
     settings: PortSettings
     counters: LinkCounters
     restarts: int  # of the wheel, that this end had to see to
-    news: tuple[str, str] | None  # an event of the link and its sentence, until it is told
+    news: tuple[str, str] | None  # an event of the link and its sentence, until it is reported
     reply_timeout_s: float
 
     @property

@@ -19,7 +19,7 @@ except ImportError:  # not a POSIX system: pyserial raises nothing else there
 # ValueError (file descriptor None or -1), line settings a port refuses give termios.error or NotImplementedError.
 LINE_EXCEPTIONS = (OSError, termios_error, TypeError, AttributeError, ValueError, NotImplementedError)
 
-_SIMULATED = "/tmp/wheel0"  # where `rw-ekf simulate` puts its wheel unless told otherwise
+_SIMULATED = "/tmp/wheel0"  # where `rw-ekf simulate` puts its wheel unless given another path
 _HINT_SIMULATE = f"or try the simulated wheel at {_SIMULATED}: rw-ekf simulate"
 
 

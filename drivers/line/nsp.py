@@ -21,7 +21,7 @@ POLL = FINAL = 0x80
 B, ACK, COMMAND = 0x40, 0x20, 0x1F
 PING, INIT, READ, WRITE = 0x00, 0x01, 0x07, 0x08
 FIRST_READ, PING_ID, INIT_ID = 128, 255, 127
-OK, REFUSED = b"\x00", b"\x04"  # what a write is told by its ack
+OK, REFUSED = b"\x00", b"\x04"  # what the ack of a write reports
 _LEAST_BYTES = 5  # destination, source, control, crc
 _MOST_BYTES = 2 * (MAX_DATA_BYTES + _LEAST_BYTES)  # escaped
 
@@ -72,7 +72,7 @@ def _packet(content: bytes) -> Packet | None:
 
 
 class NspCodec:
-    """NSP at one end of a line. Made for one line: it remembers what was asked, for a reply does not say all of it."""
+    """NSP at one end of a line. Made for one line: it remembers each request, for a reply does not say all of it."""
 
     overhead_bytes = 8  # two ends, packet without data but the number of a file, which a reply repeats
 
@@ -84,7 +84,7 @@ class NspCodec:
         self._wanted = (0, -1)
 
     def request(self, seq: int, register_id: int, data: bytes) -> bytes:
-        """The frame that asks, to be answered. Raises ValueError if it does not fit into one."""
+        """The frame of a request, to be answered. Raises ValueError if it does not fit into one."""
         self._wanted = (seq, register_id)
         self.refused_to_read = False
         control = POLL | (B if seq & 1 else 0)

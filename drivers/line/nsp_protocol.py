@@ -112,7 +112,7 @@ class NspLink(SerialLink):
         return super().answers and bool(self._files)
 
     def _wanted_ahead(self, register_id: int) -> int | None:
-        """A file to ask for first: behind two requests in vain B is again what it was, and an old reply may be late.
+        """A file to request first: behind two requests in vain B is again what it was, and an old reply may be late.
 
         Two in vain, two of the other file, and so on: no reply that is late by one, two or three answers a request.
         """
@@ -146,7 +146,7 @@ class NspLink(SerialLink):
         self._start_again_s = self._clock.monotonic() + _START_EVERY_S
         self._runs = False
         if super().request(PING_ID, b"", _TEXT_BYTES).data is None:
-            self._seq += 1  # B goes on between reads as if nothing had been asked
+            self._seq += 1  # B continues between reads as if nothing had been requested
             return False
         if not self._starts:
             raise NotStartedError(f"{self.settings.port}: the wheel answers from its boot loader and refuses reads")
@@ -214,7 +214,7 @@ class NspProtocol(AddressedRegisterProtocol):
 
     @property
     def packets(self) -> tuple[WirePacket, ...]:
-        """Commands, with bit B down, and the replies to reads, which are told apart by their file.
+        """Commands, with bit B down, and the replies to reads, which are distinguished by their file.
 
         A reply to a write holds no more than its ack, in the control byte; PING and INIT are the driver's own.
         """

@@ -139,7 +139,7 @@ class RegisterProtocol:
 
 
 class AddressedRegisterProtocol(RegisterProtocol):
-    """One whose frames can bear a wheel's address, so that several wheels can be told apart on one line."""
+    """One whose frames can bear a wheel's address, so that several wheels can be distinguished on one line."""
 
     _address_key = "address"  # of the map's `framing`
 

@@ -113,7 +113,7 @@ def registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]:
 
 
 def telling_register(wire_map: WireMap) -> Register | None:
-    """The register of a sample that has the command in force; None where the wheel does not tell it."""
+    """The register of a sample that has the command in force; None where the wheel does not report it."""
     main = wire_map.speed_register
     return next((r for r in (main, *registers_beside(main, wire_map)) if r.field("current_command")), None)
 

@@ -25,7 +25,7 @@ from rw_ekf.drivers.line.shared_port import LineEnd, OpenPort
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
 
-DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
+DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from requesting
 
 
 class SerialLink:
@@ -43,7 +43,7 @@ class SerialLink:
         """Open the port. reply_timeout_s: behind a request's last byte. open_port: opens it in pyserial's place."""
         self.settings = settings
         self.name = f"serial+{settings.port}"
-        self.news: tuple[str, str] | None = None  # an event of the link and its sentence, until it is told
+        self.news: tuple[str, str] | None = None  # an event of the link and its sentence, until it is reported
         self._clock = clock
         self.codec = codec
         self.restarts = 0  # of the wheel, that this end had to see to

@@ -1,6 +1,6 @@
 """Opening a port so that nothing is reset by it, nobody else listens, and bytes come as soon as they can.
 
-What pyserial 3.5 and Linux do: opening a tty raises DTR and RTS; pyserial then sets both to what was asked for, and
+What pyserial 3.5 and Linux do: opening a tty raises DTR and RTS; pyserial then sets both to what was requested, and
 tolerates to fail where that was set before `open` and not behind it (a pseudo terminal has no such lines); closing the
 last descriptor drops them unless HUPCL is off. So both stay up by default: what resets on an edge sees the one of the
 first opening, and none when a daemon comes and goes. `exclusive` is an advisory lock (flock); TIOCEXCL makes the kernel

@@ -20,7 +20,7 @@ from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
-_WANTED_IN_TURN = 4  # times; a boot loader refuses twice before it is told to start
+_WANTED_IN_TURN = 4  # times; a boot loader refuses twice before it obeys the command to start
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
@@ -28,7 +28,7 @@ IDENTITY_EVERY_S = 5.0  # another wheel may answer without a gap: two on one bus
 WRAP_WITHIN_S = 1.0
 QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
 
-_PLACES = 6  # of a host's time [s]: a microsecond is far below what a line tells
+_PLACES = 6  # of a host's time [s]: a microsecond is far below what a line resolves
 
 
 class SerialWheel:
@@ -49,8 +49,8 @@ class SerialWheel:
         self._flags: int | None = None
         self._status_due_s = 0.0
         self._identity_due_s = host.monotonic() + IDENTITY_EVERY_S
-        self._mode: float | None = None  # as the status register last said it
-        self._crowded_out = False  # what was asked beside the last sample left no time for it
+        self._mode: float | None = None  # as the status register last reported it
+        self._crowded_out = False  # what was read beside the last sample left no time for it
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
         self._quiet_since_s: float | None = None
         self._opened_s = self._host.monotonic()
@@ -62,7 +62,7 @@ class SerialWheel:
     def read(self, timeout_s: float) -> WheelSample | None:
         """One sample, or None if no valid one came within timeout_s [s] and the reply timeout. Raises DriverError."""
         deadline_s = self._host.monotonic() + timeout_s
-        # On a slow line at a high rate what is asked beside may take the sample's time: never twice running.
+        # On a slow line at a high rate what is read beside it may take the sample's time: never twice running.
         beside = not self._crowded_out and self._read_beside(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
         values = self._values(self._main, exchange)
@@ -72,7 +72,7 @@ class SerialWheel:
         self._crowded_out = beside and values is None
         if values is None:
             if not beside:
-                self._status_due_s = 0.0  # the wheel may have restarted: ask before the next sample
+                self._status_due_s = 0.0  # the wheel may have restarted: query before the next sample
             self._note_quiet()
             return None
         self._quiet_since_s = None
@@ -119,8 +119,8 @@ class SerialWheel:
     def command_current(self, current_A: float) -> IssuedCommand:
         """Write a current [A]; what is reported is what the wire carries, and from when after the last sample it acts.
 
-        A write that was refused or not answered in time may have acted: telemetry, where it has the command, is asked
-        at once what is in force, and that is reported as acknowledged, with the reason where it is another current.
+        A write that was refused or not answered in time may have acted: telemetry, where it has the command, is read
+        at once for what is in force, and that is reported as acknowledged, with the reason where it is another current.
         Unacknowledged means that nobody knows. Reasons: "timeout", or the map's name of the status; after a refusal of
         what is in force all the same, ACTED_THOUGH and that name. Raises DriverError for a current that the wire cannot
         carry or a lost line.
@@ -143,7 +143,7 @@ class SerialWheel:
     def probe(self, within_s: float = PROBE_S) -> None:
         """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s].
 
-        On a line that is shared in turns only one that answers in some way is asked again, a few times.
+        On a line that is shared in turns only one that answers in some way is queried again, a few times.
         """
         identity = self._map.register("identity")
         deadline_s = self._host.monotonic() + within_s
@@ -173,7 +173,7 @@ class SerialWheel:
         return IssuedCommand(written.current_A, delay_s, written.acknowledged, written.reason)
 
     def _exchange(self, register: Register, deadline_s: float) -> Exchange:
-        """Ask for a register; at the deadline nothing is sent, for its reply would only come in the way of the next."""
+        """Request a register; at the deadline nothing is sent, for its reply would only come in the way of the next."""
         now_s = self._host.monotonic()
         if now_s >= deadline_s:
             return Exchange(None, now_s, now_s)
@@ -217,14 +217,14 @@ class SerialWheel:
         return self.clock.time_s(values["uptime"], host_s, span_s, exchange.replied_s, count_s)
 
     def _read_beside(self, deadline_s: float) -> bool:
-        """Ask what is due beside the sample, before it: behind it, it would delay the command. Whether anything was."""
+        """Read what is due beside the sample before it: behind it, it would delay the command. Whether anything was."""
         status = self._read_status_if_due(deadline_s)
         if status and self._expected is None:  # one at a time, unless it is in doubt who answers
             return True
         return self._read_identity_if_due(deadline_s) or status
 
     def _read_status_if_due(self, deadline_s: float) -> bool:
-        """Read the status register now and then; whether it was asked."""
+        """Read the status register now and then; whether it was done."""
         register = self._map.register("status")
         now_s = self._host.monotonic()
         if register is None or register.access != "read" or now_s < self._status_due_s:
@@ -249,7 +249,7 @@ class SerialWheel:
         self._opened_s = previous._opened_s
 
     def doubt_identity(self) -> None:
-        """Another wheel may answer from now on: ask before the next sample. Until it says, it has no identity."""
+        """Another wheel may answer from now on: query before the next sample. Until it says, it has no identity."""
         if self.identity is not None and self.identity.serial_number is not None:
             self._expected, self.identity = self.identity, None
 
@@ -262,7 +262,7 @@ class SerialWheel:
             self.doubt_identity()
 
     def _read_identity_if_due(self, deadline_s: float) -> bool:
-        """Ask who answers, while that is in doubt, and now and then; whether it was asked."""
+        """Query who answers, while that is in doubt, and now and then; whether it was done."""
         register = self._map.register("identity")
         now_s = self._host.monotonic()
         known = self.identity is None or self.identity.serial_number is None or now_s < self._identity_due_s

@@ -43,7 +43,7 @@ class SharedPort:
         return self.port is not None
 
     def end(self, slot: Slot | None = None) -> OpenPort:
-        """What opens an end in place of a port. slot: of the wheel there; None: it may ask at any time."""
+        """What opens an end in place of a port. slot: of the wheel there; None: it may send at any time."""
 
         def open_end(settings: PortSettings, write_timeout_s: float) -> LineEnd:
             is_fresh = self._open(settings, write_timeout_s)
@@ -141,7 +141,7 @@ class LineEnd:
         return self._shared.echo is not None and self._shared.echo.is_awaited
 
     def give_up(self) -> None:
-        """A request has no answer: nothing more is asked before the next turn. Raises EchoError."""
+        """A request has no answer: nothing more is requested before the next turn. Raises EchoError."""
         if self.slot is not None:
             self.slot.give_up()
         if self._shared.echo is not None:

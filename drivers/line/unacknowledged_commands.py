@@ -13,15 +13,15 @@ _AGAINST_S = 0.5
 
 
 class Bearing:
-    """One command, held against the currents that are told behind it."""
+    """One command, held against the currents that are reported behind it."""
 
     def __init__(self, wanted_A: float, before_A: float, may_A: float) -> None:
-        """before_A: the command before it. may_A: by how much a current in force may be told otherwise [A]."""
+        """before_A: the command before it. may_A: by how much a current in force may differ as reported [A]."""
         self._wanted_A, self._before_A, self._may_A = wanted_A, before_A, may_A
         self._against = self._opposite = 0
 
     def is_borne_out(self, reported_A: float) -> bool:
-        """Whether a current that is told is the one commanded; one that is not counts against it."""
+        """Whether a reported current is the one commanded; one that is not counts against it."""
         if abs(reported_A - self._wanted_A) <= self._may_A:
             return True
         self._against += 1
@@ -40,7 +40,7 @@ class Bearing:
 
     @property
     def status(self) -> int | None:
-        """Of a command that was not borne out; None where too little was told."""
+        """Of a command that was not borne out; None where too little was reported."""
         if self._against <= _AGAIN_AFTER:
             return None
         return TAKEN_OPPOSITE if self._opposite > _AGAIN_AFTER else NOT_TAKEN
@@ -57,7 +57,7 @@ class Standing:
         self._since_s = None
 
     def note_against(self, now_s: float) -> tuple[str, str] | None:
-        """Another one was not: an event and its sentence, once, when that goes on."""
+        """Another one was not: an event and its sentence, once, when that persists."""
         if self._since_s is None:
             self._since_s = now_s
         if now_s - self._since_s <= _AGAINST_S:

@@ -4,11 +4,11 @@
     payload  command u8, data; numbers have their high byte first
     00       COMM_FW_VERSION: version (two bytes), name and a zero byte, number of the processor (12 bytes), more
     06, 07   COMM_SET_CURRENT, COMM_SET_CURRENT_BRAKE: a current as i32 in mA; nothing answers
-    32       COMM_GET_VALUES_SELECTIVE: mask u32, whose bits ask for numbers; the reply has the mask and those, in order
+    32       COMM_GET_VALUES_SELECTIVE: mask u32, whose bits request numbers; the reply has the mask and those, in order
 
 Registers above have an id and data: an id that writes is its command, one that reads is 128 and its command. The
 firmware sends a mask back as it came and knows nothing of its highest eight bits: a request's seq stands there, by
-which a late reply is told from the next one.
+which a late reply is distinguished from the next one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ START, END = 0x02, 0x03
 FW_VERSION, SET_CURRENT, SET_CURRENT_BRAKE, GET_VALUES_SELECTIVE = 0, 6, 7, 50
 FIRST_READ = 128
 IDENTITY_ID, VALUES_ID = FIRST_READ + FW_VERSION, FIRST_READ + GET_VALUES_SELECTIVE
-# Bytes of the numbers that each bit of a mask asks for, from the lowest.
+# Bytes of the numbers that each bit of a mask requests, from the lowest.
 _BYTES_BY_BIT = "2 2 4 4 4 4 2 4 2 4 4 4 4 4 4 1 4 1 2+2+2 4 4 1"
 VALUE_BYTES = tuple(tuple(map(int, sizes.split("+"))) for sizes in _BYTES_BY_BIT.split())
 _SEQ_SHIFT, _MASK_BITS = 24, 0xFF_FFFF
@@ -67,17 +67,17 @@ def _is_packet(content: bytes) -> bool:
 
 
 class VescCodec:
-    """One end of a line. Made for one line: a reply that tells who answers does not say which request it answers."""
+    """One end of a line. Made for one line: a reply that states who answers does not say which request it answers."""
 
     overhead_bytes = _AROUND_BYTES + 1 + _MASK_BYTES
 
     def __init__(self, mask: int) -> None:
-        """mask: of the values that are asked for."""
+        """mask: of the values that are requested."""
         self._mask = mask
         self._seq = 0
 
     def request(self, seq: int, register_id: int, data: bytes) -> bytes:
-        """The packet that asks or commands. Raises ValueError if it does not fit into one."""
+        """The packet of a request or a command. Raises ValueError if it does not fit into one."""
         self._seq = seq
         if register_id < FIRST_READ:
             return packed(bytes((register_id,)) + data)
@@ -92,7 +92,7 @@ class VescCodec:
         command, data = payload[0], payload[1:]
         if command == FW_VERSION and len(data) > _VERSION_BYTES:
             _, _, behind = data[_VERSION_BYTES:].partition(b"\0")
-            who = behind[:_UUID_BYTES] or data[_VERSION_BYTES:]  # an old firmware tells its name alone
+            who = behind[:_UUID_BYTES] or data[_VERSION_BYTES:]  # an old firmware reports its name alone
             return Frame(self._seq, IDENTITY_ID, data[:_VERSION_BYTES] + zlib.crc32(who).to_bytes(4, "big"))
         return self._of_values(command, data) or NOT_OURS
 
@@ -123,7 +123,7 @@ class VescCodec:
         return ((seq & 0xFF) << _SEQ_SHIFT | self._mask).to_bytes(_MASK_BYTES, "big")
 
     def _of_values(self, command: int, data: bytes) -> Frame | None:
-        """The frame of values, or of what asks for them; None where it is of others."""
+        """The frame of values, or of a request for them; None where it is of others."""
         wanted = int.from_bytes(data[:_MASK_BYTES], "big")
         if command != GET_VALUES_SELECTIVE or len(data) < _MASK_BYTES or wanted & _MASK_BITS != self._mask:
             return None

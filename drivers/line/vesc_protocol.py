@@ -56,7 +56,7 @@ class VescCommand(Section):
 
 
 class VescField(Field):
-    """One number of its values. Its fault code is told as flags, with the code in the byte above them."""
+    """One number of its values. Its fault code is reported as flags, with the code in the byte above them."""
 
     pole_pairs: Annotated[int | None, NOT_NULL] = Key(
         None, ge=1, description="of the motor: electrical turns in one of the wheel; required for speed"
@@ -83,7 +83,7 @@ class VescField(Field):
 
 
 class VescRegister(Register):
-    """A command, or the values that a mask asks for."""
+    """A command, or the values that a mask requests."""
 
     mask: Annotated[int | None, NOT_NULL] = Key(
         None, ge=1, lt=1 << len(VALUE_BYTES), description="which values, as COMM_GET_VALUES_SELECTIVE has its bits"
@@ -140,7 +140,7 @@ class VescMap(WireMap):
 
     @property
     def mask(self) -> int:
-        """Of the values that are asked for."""
+        """Of the values that are requested."""
         return next((register.mask for register in self.registers if register.mask is not None), 0)
 
     def codec(self) -> Codec:
@@ -156,7 +156,7 @@ class VescMap(WireMap):
 class VescLink(SerialLink):
     """An open line: nothing answers a command, so the current that flows behind it says whether it was taken.
 
-    A VESC tells the mean current since it was asked last. So the first reading behind a command may hold some of the
+    A VESC reports the mean current since the last request. So the first reading behind a command may hold some of the
     one before it: it can bear the command out, and does not count against it.
     """
 
@@ -178,7 +178,7 @@ class VescLink(SerialLink):
         return exchange
 
     def _confirmed(self, frame: bytes, wanted_A: float, limit_s: float) -> Exchange:
-        """Send a command and ask for the current; taken where it is this one, refused where several are another."""
+        """Send a command and query the current; taken where it is this one, refused where several are another."""
         sent = self._tell(frame)
         until_s = sent.received_by_wheel_s + limit_s
         bearing, reported_A = (
@@ -202,7 +202,7 @@ class VescLink(SerialLink):
         return sent._replace(data=bytes((bearing.status,)), replied_s=self._clock.monotonic())
 
     def _reported_A(self, sent: Exchange, until_s: float) -> float | None:
-        """The current that is told; None where nothing was sent, or no reply comes until a time [s]."""
+        """The current that is reported; None where nothing was sent, or no reply comes until a time [s]."""
         register, left_s = self._map.speed_register, until_s - self._clock.monotonic()
         if sent.data is None or left_s <= 0.0:
             return None

@@ -6,7 +6,7 @@ from collections import deque
 
 RATE_AFTER_S = 0.05
 # By how much the clocks may disagree over an interval: a wheel whose telemetry is made ten times a second stamps a
-# reading up to a period before it is asked for, and no quartz is wrong by a fiftieth.
+# reading up to a period before it is requested, and no quartz is wrong by a fiftieth.
 SLACK_S = 0.15
 SLACK_SHARE = 0.02
 # A clock is taken to run as the host's unless its first two seconds show that it does not, by more than this.
@@ -20,7 +20,7 @@ MOST_IN_TIME, WITHIN_S = 8, 60.0
 class WheelClock:
     """Turns uptime readings into time that never wraps, and a number of segments that counts restarts and jumps.
 
-    The clock is believed while it agrees with the host's. With u the uptime of a reading that was asked for at h- and
+    The clock is believed while it agrees with the host's. With u the uptime of a reading that was requested at h- and
     had come at h+ of the host's clock, and r wheel seconds per host second,
 
         r (h-_i - h+_j) - e  <=  u_i - u_j  <=  r (h+_i - h-_j) + e,      e = r (0.15 s + 2 % of h+_i - h-_j)
@@ -40,10 +40,10 @@ class WheelClock:
         self._wanted_s = self._came_s = 0.0  # of the last reading, by the host
         self._time_s = 0.0
         self._wraps_s = 0.0
-        self._turned: float | None = None  # as it was told last
+        self._turned: float | None = None  # as last reported
         self._restart_noted = False
         self._flag_expected = False  # a restart was seen by uptime; the flag that says the same is still to come
-        self._began: tuple[float, float, float] | None = None  # the segment's first: its time, asked at, came at
+        self._began: tuple[float, float, float] | None = None  # the segment's first: its time, requested at, came at
         self._nominal = 1.0  # the rate that intervals are compared with
         self._settled = False  # whether an interval has agreed with it
         self._fixed = False  # whether it has been found for good
@@ -54,7 +54,7 @@ class WheelClock:
     def note_restart(self) -> None:
         """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once.
 
-        Not where the uptime has told of that restart already.
+        Not where the uptime has shown that restart already.
         """
         self._restart_noted = self._uptime_s is not None and not self._flag_expected
         self._flag_expected = False
@@ -62,14 +62,14 @@ class WheelClock:
     def note_turned(self, turned: float, span: float) -> None:
         """What the wheel has turned since it was powered, either way, which wraps after `span`: a fall is a restart.
 
-        For a wheel that tells no uptime.
+        For a wheel that reports no uptime.
         """
         if self._turned is not None and 0.0 < self._turned - turned < 0.5 * span:
             self.begin_segment("wheel_restarted", "the wheel restarted: it has turned less than before")
         self._turned = turned
 
     def begin_segment(self, event: str, text: str) -> None:
-        """Start a new segment for a reason that the uptime does not tell."""
+        """Start a new segment for a reason that the uptime does not show."""
         self.segment += 1
         self._began = None
         self.news = event, text
@@ -77,7 +77,7 @@ class WheelClock:
     def time_s(
         self, uptime_s: float, wanted_s: float, span_s: float | None, came_s: float | None = None, count_s: float = 0.0
     ) -> float:
-        """Wheel time [s] of an uptime reading [s] asked for at `wanted_s` and here at `came_s` [s] of the host's clock.
+        """Wheel time [s] of an uptime reading [s] requested at `wanted_s` and here at `came_s` [s] of the host's clock.
 
         span_s: after how much the counter wraps; None where it does not. count_s: its resolution. The same uptime again
         is the same time again: that reading is no later than the one before.
@@ -105,7 +105,7 @@ class WheelClock:
         return self._take(uptime_s, wanted_s, came_s)
 
     def between_s(self, wanted_s: float) -> float:
-        """Wheel time [s] of a reading that came without its uptime, asked for at `wanted_s` [s] of the host's clock."""
+        """Wheel time [s] of a reading that came without its uptime, requested at `wanted_s` [s] of the host's clock."""
         return self._time_s + self.rate * max(wanted_s - self._wanted_s, 0.0)
 
     def _take(self, uptime_s: float, wanted_s: float, came_s: float) -> float:
@@ -141,7 +141,7 @@ class WheelClock:
             self._settled = True
             if self._candidate is not None:
                 self._began = None  # what came before may have been a jump
-        accepted = agrees or (first and advance_s > 0.0)  # one interval alone cannot tell a jump from a fast clock
+        accepted = agrees or (first and advance_s > 0.0)  # one interval cannot distinguish a jump from a fast clock
         self._jumped.append(not accepted)
         return accepted
 

@@ -1,4 +1,4 @@
-"""The electronics of a wheel on a CAN bus, behind an slcan adapter: telemetry unasked, currents by message."""
+"""The electronics of a wheel on a CAN bus, behind an slcan adapter: telemetry unrequested, currents by message."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CanServer(RegisterServer):
         return replies
 
     def hear(self, frame: CanFrame, time_s: float) -> list[Reply]:
-        """A frame on the bus: done where it is one of the map's, and answered where it asks."""
+        """A frame on the bus: done where it is one of the map's, and answered where it is a request."""
         cycle = self._layout.file.cycle
         if frame.remote:
             first = self._layout.codecs[cycle.messages[0]]
@@ -105,7 +105,7 @@ class CanServer(RegisterServer):
         return slcan.BELL
 
     def _obey(self, message: str, numbers: Mapping[str, float], alive: int) -> None:
-        """Do what a message asks for; the watch sees it as the write of a register."""
+        """Do what a message commands; the watch sees it as the write of a register."""
         file = self._layout.file
         for name, sent in (("mode", file.idle), ("reset", file.reset)):
             if sent is not None and sent.message == message and _matches(sent, numbers):
@@ -125,7 +125,7 @@ class CanServer(RegisterServer):
             return
         self._write_status(frame, register)
 
-    # --- what is told -----------------------------------------------------------------------------------------------
+    # --- what is reported -------------------------------------------------------------------------------------------
 
     def _cycle(self, messages: tuple[str, ...], time_s: float) -> list[Reply]:
         """Frames of messages that belong to one moment."""

@@ -24,10 +24,10 @@ class Share(NamedTuple):
 
 
 class FaultKind(NamedTuple):
-    """A word of the grammar. amounts: what may be told behind it, in order, with the defaults."""
+    """A word of the grammar. amounts: what may be given behind it, in order, with the defaults."""
 
     place: str
-    way: str | None  # unless another is told; None: it has none
+    way: str | None  # unless another is given; None: it has none
     amounts: dict[str, Any]
     what: str
 
@@ -135,7 +135,7 @@ class FaultAtWork:
         return began_s is not None
 
     def strikes(self, time_s: float) -> bool:
-        """Whether it strikes what comes by at time_s [s]; asked once for each thing that it could strike."""
+        """Whether it strikes what comes by at time_s [s]; queried once for each thing that it could strike."""
         if not self.is_on(time_s):
             return False
         share = self.fault.share
@@ -148,7 +148,7 @@ class FaultAtWork:
         return hit
 
     def begins(self, time_s: float) -> bool:
-        """Whether a stretch of it has begun that was not asked about before."""
+        """Whether a stretch of it has begun that was not queried before."""
         if not self.is_on(time_s) or "begun" in self.memory:
             return False
         self.memory["begun"] = True
@@ -187,7 +187,7 @@ class FaultInjector:
 
     def on(self, kind: str, time_s: float) -> Sequence[FaultAtWork]:
         """Those of a kind that are at work at time_s [s], in the order given."""
-        now = self._found  # as `_now` has it, without a call: it is asked thrice for every look at a line
+        now = self._found  # as `_now` has it, without a call: it is queried thrice for every look at a line
         if now.of is not self._at_work or not now.from_s <= time_s < now.until_s:
             now = self._now(time_s)
         return now.by_kind.get(kind, ())

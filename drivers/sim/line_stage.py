@@ -35,7 +35,7 @@ class LineStage:
         return content if self._faults.striking("echo", time_s) is not None else b""
 
     def junk(self, way: str, time_s: float) -> bytes:
-        """Junk that was on the line since this was asked last."""
+        """Junk that was on the line since the last call."""
         noise = b""
         for fault in self._faults.on("flood", time_s):
             if fault.fault.way not in (way, BOTH):

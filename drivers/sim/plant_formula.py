@@ -37,7 +37,7 @@ class PlantFormula:
     numbers: dict[str, float]
 
     def value(self, state: PlantState, current_A: float) -> float:
-        """What it is at a moment, in its own unit; 0 where it has no value. A drag is asked for along the motion."""
+        """What it is at a moment, in its own unit; 0 where it has no value. A drag is evaluated along the motion."""
         speed, along = state.speed_rad_s, 1.0
         if self.formula.kind in {"drag", "viscous"}:
             along = math.copysign(1.0, speed if speed != 0.0 else current_A)

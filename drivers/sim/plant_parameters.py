@@ -71,7 +71,7 @@ class PlantParameters(NamedTuple):
     bump_width_rad_s: float = 1.0
     gain_speed_s_rad: float = 0.0  # relative loss of motor gain per rad/s
     load_friction: float = 0.0  # dry friction per commanded acceleration
-    # warmth: a chamber cycled up and down within a run, so that temperature effects can be told from drift
+    # warmth: a chamber cycled up and down within a run, so that temperature effects can be distinguished from drift
     ambient_degC: float = 20.0
     ambient_cycle_degC: float = 8.0
     ambient_period_s: float = 1200.0

@@ -47,7 +47,7 @@ class PtyServer:
         return self._wheel_zero_s + (time.monotonic() - self._host_zero_s) * self._factor
 
     def run(self, stop: Callable[[], bool], wake: int | None = None) -> None:
-        """Serve until stop() is true; it is asked every 0.1 s, and whenever the descriptor `wake` becomes readable."""
+        """Serve until stop() is true; it is called every 0.1 s, and whenever the descriptor `wake` becomes readable."""
         while not stop():
             now_s = self.wheel_time_s()
             self._follow_the_cable(now_s)

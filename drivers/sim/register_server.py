@@ -1,4 +1,4 @@
-"""The wheel's electronics: answers the wire protocol over a plant. Bytes in, bytes out, at a time it is told.
+"""The wheel's electronics: answers the wire protocol over a plant. Bytes in, bytes out, at a time it is given.
 
 Written against the wire map alone, as the driver is, so that a map of another wheel is served as well.
 """
@@ -111,7 +111,7 @@ class RegisterServer:
         self._spoilt.happen(self, time_s)
 
     def unsolicited(self, time_s: float) -> list[Reply]:
-        """What the wheel says at `time_s` though nobody asks: nothing, on a line of registers."""
+        """What the wheel says at `time_s` unprompted: nothing, on a line of registers."""
         return []
 
     def next_unsolicited_s(self, time_s: float) -> float:
@@ -119,7 +119,7 @@ class RegisterServer:
         return math.inf
 
     def jump_clock(self, by_s: float) -> None:
-        """The uptime goes on from another value."""
+        """The uptime continues from another value."""
         self._uptime_zero_s -= by_s
 
     def restart(self) -> None:
@@ -154,7 +154,7 @@ class RegisterServer:
         return done if refusal is None else refusal.status
 
     def _write(self, register: Register, data: bytes) -> int:
-        """Do what a write asks for; the status of its reply."""
+        """Do what a write commands; the status of its reply."""
         if len(data) != register.size:
             return WRONG_LENGTH
         values = decode_register(register, data)

@@ -1,4 +1,4 @@
-"""The electronics of a VESC: currents as means since they were asked for, a count of what has turned, a time-out."""
+"""The electronics of a VESC: currents as means since the last request, a count of what has turned, a time-out."""
 
 from __future__ import annotations
 

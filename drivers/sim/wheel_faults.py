@@ -72,7 +72,7 @@ class WheelFaults:
         return current_A
 
     def telemetry(self, register: Register, values: Mapping[str, float], time_s: float) -> dict[str, float]:
-        """The SI values that the register tells in place of the true ones."""
+        """The SI values that the register reports in place of the true ones."""
         reported = dict(values)
         now = self._faults.by_kind(time_s)
         if not now:

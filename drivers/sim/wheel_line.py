@@ -52,7 +52,7 @@ class BusElectronics:
             wheel.advance_to(time_s)
 
     def unsolicited(self, time_s: float) -> list[Reply]:
-        """What wheels say that nobody asks."""
+        """What wheels say unprompted."""
         return [reply for wheel in self.wheels for reply in wheel.unsolicited(time_s)]
 
     def next_unsolicited_s(self, time_s: float) -> float:
@@ -134,7 +134,7 @@ class WheelLine:
         return came
 
     def idle(self, now_s: float, longest_s: float) -> None:
-        """Keep the wheel's time moving where nobody asks: never with hours at once."""
+        """Keep the wheel's time moving where nothing is requested: never with hours at once."""
         if not self._events and now_s - self.server.plant.time_s > longest_s:
             self.server.advance_to(now_s)
 

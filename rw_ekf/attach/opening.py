@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 class SharedLine:
-    """One line for several wheels, each with a slot of the loop's period in which it may be asked."""
+    """One line for several wheels, each with a slot of the loop's period in which it may be polled."""
 
     def __init__(
         self, configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol], clock: Clock
     ) -> None:
-        """Nothing is opened yet. Raises ConfigError where the wheels could not be told apart, or asked so often."""
+        """Nothing is opened yet. Raises ConfigError where the wheels could not be distinguished, or polled so often."""
         from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
         from rw_ekf.drivers.line.shared_port import SharedPort
 
@@ -48,7 +48,7 @@ class SharedLine:
         self._port.fail()
 
     def opener(self, index: int, *, probe: bool = True) -> Callable[[WheelDriver | None], WheelDriver]:
-        """What opens the line of one wheel, as `opener`; with a probe that asks once and does not wait."""
+        """What opens the line of one wheel, as `opener`; with a probe that queries once and does not wait."""
         configuration = self._configurations[index]
         return _opener(configuration, self.protocols[index], self._clock, probe=probe)
 
@@ -56,7 +56,7 @@ class SharedLine:
 def opener(
     configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool = True, exclusive: bool = True
 ) -> Callable[[WheelDriver | None], WheelDriver]:
-    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
+    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters continue.
 
     probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
     where its answers do not come through. exclusive: False writes beside a process that has locked the port.

@@ -1,4 +1,4 @@
-"""What a wheel speaks, and whether its wire, or a line that several share, carries what a configuration asks for."""
+"""What a wheel speaks, and whether its wire, or a line that several share, carries what a configuration requires."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _no_bus(port: str, wire: WireLimits, the_map: str) -> Iterator[str]:
 
 
 def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> Iterator[tuple[tuple[str, ...], str]]:
-    """What a wheel that is not asked does too seldom for the loop, or wants to be told more often."""
+    """What a wheel that is not polled does too seldom for the loop, or must be commanded more often."""
     loop, period_s = configuration.loop, wire.telemetry_s
     if period_s is not None and period_s * loop.rate_hz > 1.0:
         text = f"loop.rate_hz is {loop.rate_hz:g}, but telemetry of {the_map} comes every {1e3 * period_s:g} ms only"
@@ -131,7 +131,7 @@ def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> I
 
 
 def checked_protocol(configuration: Configuration) -> WheelProtocol:
-    """Wire protocol of a configuration; raises ConfigError where it cannot carry what the configuration asks for."""
+    """Wire protocol of a configuration; raises ConfigError where it cannot carry what the configuration requires."""
     protocol = spoken_by(configuration)
     found = [text for _, text in beyond_wire(configuration, protocol.limits)]
     found = found or [text for _, _, text in beyond_rate([configuration], [protocol])]
@@ -143,7 +143,7 @@ def checked_protocol(configuration: Configuration) -> WheelProtocol:
 def beyond_line(
     configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol]
 ) -> list[tuple[int, tuple[str, ...], str]]:
-    """What keeps wheels from sharing one line, as (which of them, keys, finding): they must be told apart on it."""
+    """What keeps wheels from sharing one line, as (which of them, keys, finding): they must be distinguished on it."""
     from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
 
     found: list[tuple[int, tuple[str, ...], str]] = []
@@ -195,7 +195,7 @@ def beyond_rate(
 ) -> list[tuple[int, tuple[str, ...], str]]:
     """A rate at which the turns of all wheels of a line do not fit into a period, as `beyond_line` has it.
 
-    Of one wheel alone only where its port is a serial device: a pseudo-terminal is as fast as it is asked.
+    Of one wheel alone only where its port is a serial device: a pseudo-terminal is as fast as it is polled.
     """
     from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
 

@@ -1,4 +1,4 @@
-"""The attitude side of the loop: the axis that is pointed, the gyroscope, and the PID that asks the wheel for torque.
+"""The attitude side of the loop: the axis that is pointed, the gyroscope, and the PID that commands wheel torque.
 
 The axis is the one-axis table or spacecraft axis of [CK13] 4 (13), exactly, by conservation of momentum.
 """
@@ -98,7 +98,7 @@ class Gyroscope:
 
 
 class AttitudePid:
-    """T = -(Kp theta + Kd Omega + integral of Ki theta) on the body; the wheel is asked for -T / J_w."""
+    """T = -(Kp theta + Kd Omega + integral of Ki theta) on the body; the request to the wheel is -T / J_w."""
 
     def __init__(self, gains: PidGains, wheel_inertia_kg_m2: float) -> None:
         self._gains = gains
@@ -107,7 +107,7 @@ class AttitudePid:
         self._last_s: float | None = None
 
     def request_rad_s2(self, time_s: float, read: AxisState) -> float:
-        """The wheel's acceleration [rad/s^2] that is asked for at time_s [s]."""
+        """The wheel's acceleration [rad/s^2] that is requested at time_s [s]."""
         if self._last_s is not None:
             gain = self._gains.settling_Nm_rad_s if time_s <= 0.0 else self._gains.integral_Nm_rad_s
             self._held_Nm += gain * read.attitude_rad * (time_s - self._last_s)

@@ -30,7 +30,7 @@ def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
 
 @picture
 def peaks_figure(rows: Sequence[Row], noises_rpm: Sequence[float]) -> Figure:
-    """Peak error of each scheme on a logarithmic scale, best first; a line goes on to the worst seed."""
+    """Peak error of each scheme on a logarithmic scale, best first; a line extends to the worst seed."""
     from matplotlib.ticker import LogFormatter
 
     last = [row for row in rows if row.noise_rpm == noises_rpm[-1]]

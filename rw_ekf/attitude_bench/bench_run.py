@@ -91,7 +91,7 @@ class Bench:
             clock.at(self._mode_step_s, self._bend)
 
     def request(self, tick: Tick) -> float:
-        """The wheel's acceleration [rad/s^2] that attitude control asks for; a new one at its own rate only."""
+        """The wheel's acceleration [rad/s^2] that attitude control requests; a new one at its own rate only."""
         now_s = tick.sample.time_s
         truth = self._truth(now_s)
         if now_s - self._wanted_s >= 0.999 * self._period_s:

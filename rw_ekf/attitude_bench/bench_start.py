@@ -173,8 +173,8 @@ def _sized(belief: Belief, size: int) -> Belief:
 def _knowledge(constants: FilterConstants, fixed: FrictionParameters | None, *, adaptive: bool) -> Knowledge:
     """The filter's speed with fixed parameters, or its belief as far as a run on a wheel would trust it.
 
-    adaptive: its belief from the first tick on, whatever the motion has shown so far; a filter that is not well is not
-    asked for parameters there either.
+    adaptive: its belief from the first tick on, whatever the motion has shown so far; the parameters of a filter that
+    is not well are not used there either.
     """
     stribeck = constants.stribeck
     if fixed is not None:

@@ -33,7 +33,7 @@ class Bench(Shown):
 
     contest: Contest
     rows: tuple[Row, ...]  # one a scheme and noise
-    bearings: tuple[Bearing, ...] | None = None  # None: robustness was not asked for
+    bearings: tuple[Bearing, ...] | None = None  # None: robustness was not requested
     answers: Mapping[spike_answer.Place, SpikeAnswer] | None = None  # None: nor a spike
 
     def document(self) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def hold_bench(
     with_spikes: bool = False,
     advance: Callable[[int], object] = lambda of: None,
 ) -> Bench:
-    """Run everything that is asked for, in processes of their own; advance(of) is called as each of so many is done.
+    """Run everything that is requested, in processes of their own; advance(of) is called as each of so many is done.
 
     Raises BadInputError for seeds that are no number of wheels.
     """

@@ -1,4 +1,4 @@
-"""What a contest is about, from what was asked for: which schemes, which wheel, and what `diagnose` makes of it."""
+"""What a contest is about, from what was requested: which schemes, which wheel, and what `diagnose` makes of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far each compensation bears what it was not told: swept until it does no better than no compensation at all."""
+"""How far each compensation bears what it does not know: swept until it does no better than no compensation at all."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def sweep_all(
     tick: Callable[[int], object] = lambda n: None,
     sweeps: Sequence[Sweep] = SWEEPS,
 ) -> list[Bearing]:
-    """Sweep every scheme, and the baseline under the very same conditions. models: of the wheel as it was told."""
+    """Sweep every scheme, and the baseline under the very same conditions. models: of the wheel as believed."""
     noise_rpm = scenario.cycle.speed_noise_rpm[0]
     fixed = scenario.changed("cycle", speed_noise_rpm=(noise_rpm,))
     model = models.get(noise_rpm)

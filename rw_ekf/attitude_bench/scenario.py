@@ -71,7 +71,7 @@ class BenchWheelSection(TrueWheelSection):
 
 
 class BeliefSection(Section):
-    """What compensations are told of the wheel, where it is to be wrong."""
+    """What compensations believe of the wheel, where it is to be wrong."""
 
     friction_error_percent: float = Field(
         0.0, gt=-100, le=1e3, description="friction is believed larger by so much, and never learned better [%]"

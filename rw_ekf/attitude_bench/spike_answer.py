@@ -43,7 +43,7 @@ class SpikeAnswer(NamedTuple):
 
     peak_deg: float  # of the attitude
     recover_s: float  # from the onset until it stays within 0.01 deg; NaN: not while it was watched
-    rate_error_rpm: float  # the largest: speed that was asked for and not reached
+    rate_error_rpm: float  # the largest: speed that was requested and not reached
     of_threshold: float  # that, as a share of the monitor's threshold
 
 
@@ -70,7 +70,7 @@ def answer_to_spike(
     spike: Spike | None = None,
     model: WheelModel | None = None,
 ) -> SpikeAnswer:
-    """What a scheme makes of a spike on the wheel of a seed, that nobody is told of and no record was learned with.
+    """What a scheme makes of a spike on the wheel of a seed, that is not announced and that no record was learned with.
 
     model: for schemes that know a diagnosed one. Both runs see the same noise: their difference is the spike's.
     """

@@ -280,7 +280,7 @@ class Scope:
             value = self.value(part)
             found.append(value)
             if value.is_known and bool(value.known) == is_or:
-                break  # what follows is never asked
+                break  # what follows is never evaluated
         return self._joined(found, "||" if is_or else "&&", is_or)
 
     def _joined(self, parts: list[Value], sign: str, ends: bool) -> Value:

@@ -1,7 +1,7 @@
 """Printed C made a library by the C compiler of this machine, and kept on disk.
 
 A file's name has a digest of all that went into it, and its last bytes one of its content: one that is stale is never
-asked for, and one that a loss of power has torn is none, and so made anew.
+loaded, and one that a loss of power has torn is none, and so made anew.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ENTRY = "rw_run"
 COMPILER_VARIABLE = "RW_EKF_CC"  # a compiler's command; "none": there is none, and all runs as plain Python
 FOLDER_VARIABLE = "RW_EKF_CACHE_DIR"
 # IEEE arithmetic as Python has it: nothing is fused or reordered, no power becomes a product; what `math` raises is NaN
-# or infinite here. The first takes back what the command itself may have asked for.
+# or infinite here. The first takes back what the command itself may have requested.
 _ARITHMETIC = ("-fno-fast-math", "-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math")
 FLAGS = ("-std=c11", "-O3", "-fPIC", "-shared", "-w", *_ARITHMETIC)
 _COMPILERS = ("cc", "gcc", "clang")
@@ -34,7 +34,7 @@ _SEAL_BYTES = hashlib.sha256().digest_size
 
 
 class CompilerError(Exception):
-    """The C compiler did not make a library of what it was given; its text says what it said first."""
+    """The C compiler did not make a library of what it was given; its text is the first line that it printed."""
 
 
 def compiler() -> list[str]:
@@ -70,7 +70,7 @@ def _found(named: str | None, path: str) -> list[str] | None:
 
 
 def folders() -> Iterator[Path]:
-    """Where libraries are kept, the first first: as told, or beside the program, else with the user."""
+    """Where libraries are kept, the first first: as the variable says, or beside the program, else with the user."""
     reported = os.environ.get(FOLDER_VARIABLE)
     package = Path(__file__).resolve().parents[1]
     if reported:

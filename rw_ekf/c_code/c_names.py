@@ -1,4 +1,4 @@
-"""Types, constants and structures of a printed program, as they are asked for."""
+"""Types, constants and structures of a printed program, as they are needed."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ class Body(Stores):
         if times is None:
             times = self.program.bound_of(ast.unparse(call.args[1 if len(parts) > 1 else 0]))
             if times is None and self.wanted is None:
-                times = 1  # what is known by the next pass may tell
+                times = 1  # what is known by the next pass may decide
             if times is None and self.program.bounded:
                 raise self.scope.fail(node.iter, "has no bound that is known")
             if self.program.bounded and times is not None:

@@ -113,7 +113,7 @@ class Struct:
 
 @dataclass(frozen=True)
 class Row:
-    """A tuple of numbers, which an index may be asked of."""
+    """A tuple of numbers, which may be indexed."""
 
     count: int
 

@@ -95,7 +95,7 @@ def _format_of(value: Any, sizes_known: bool) -> str:
 
 
 def _places_of(value: Any, path: str, rows: list[_Row], sizes_known: bool) -> list[str]:
-    """How each word of a value is asked for, in Python; rows: to which those of its arrays are added."""
+    """How each word of a value is read, in Python; rows: to which those of its arrays are added."""
     if value is None:
         return []
     if isinstance(value, np.ndarray):
@@ -112,8 +112,8 @@ def _places_of(value: Any, path: str, rows: list[_Row], sizes_known: bool) -> li
 class _Row:
     """Where the array at one place of the arguments lies, and its sizes where those are not known.
 
-    To ask an array takes a microsecond, a whitening that is called a thousand times in a row as long as that: what was
-    asked last is kept.
+    Querying an array takes a microsecond, a whitening that is called a thousand times in a row as long: what was
+    queried last is kept.
     """
 
     def __init__(self, kind: str, axes: int, shape: tuple[int, ...]) -> None:

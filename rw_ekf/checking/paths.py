@@ -1,4 +1,4 @@
-"""The path of a file, as a user gives it: what is none is told before any system call trips over it."""
+"""The path of a file, as a user gives it: what is none is reported before any system call trips over it."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def refuse(mistakes: Iterable[Mistake]) -> None:
 def one_of(names: Iterable[str] | Callable[[], Iterable[str]]) -> BeforeValidator:
     """Give the validator of a text that must be one of `names`, where they are known at run time only.
 
-    names: or what finds them, which is asked when there is a text.
+    names: or what finds them, which is called when there is a text.
     """
 
     def check(value: Any) -> Any:

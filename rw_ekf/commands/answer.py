@@ -1,4 +1,4 @@
-"""What a verb says when it is done: one JSON document where --json asks for it, else text; and of undrawn pictures."""
+"""What a verb says when it is done: one JSON document with --json, else text; and of undrawn pictures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rw_ekf.errors import PictureError
 
 
 def answer(args: argparse.Namespace, document: Callable[[], Mapping[str, Any]], text: Callable[[], str]) -> None:
-    """Print the one that is asked for, at once; the other is not made. text: without the newline at its end."""
+    """Print the one that is requested, at once; the other is not made. text: without the newline at its end."""
     from rw_ekf.json_output import print_json
 
     if args.json:
@@ -22,7 +22,7 @@ def answer(args: argparse.Namespace, document: Callable[[], Mapping[str, Any]], 
 
 
 def drawn(draw: Callable[[], object]) -> bool:
-    """Draw; False where that failed, which is then said on standard error."""
+    """Draw; False where that failed, which is then reported on standard error."""
     try:
         draw()
     except PictureError as error:

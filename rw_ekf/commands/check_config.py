@@ -68,7 +68,7 @@ def _of_maps(document: YamlDocument) -> list[str]:
 
 
 def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
-    """What is wrong with one wheel that only its wire map, its model or the effects' catalogue can tell."""
+    """What is wrong with one wheel that only its wire map, its model or the effects' catalogue can show."""
     from rw_ekf.attach.simulated import plant_of
     from rw_ekf.attach.wire import beyond_wire, spoken_by
     from rw_ekf.errors import BadInputError, ConfigError

@@ -25,7 +25,7 @@ def make_ready(kernels: Sequence[str]) -> None:
     from rw_ekf.console import progress
 
     try:
-        compiler()  # before anything is said
+        compiler()  # before anything is printed
         sys.stderr.write(
             f"rw-ekf: first use: compiling {len(missing)} numerical routines, about "
             f"{max(seconds_of(missing), 1.0):.0f} s on a desktop computer, longer on a small or busy one (once)\n"

@@ -73,7 +73,7 @@ def log_options(args: argparse.Namespace) -> list[str]:
 def read_configuration(args: argparse.Namespace) -> Configuration | None:
     """Read the configuration of --config, if there is one, of the wheel of --wheel.
 
-    Raises ConfigError, and UsageError for a wheel of no configuration: which wheel of a log is meant, a map tells.
+    Raises ConfigError, and UsageError for a wheel of no configuration: which wheel of a log is meant, a map states.
     """
     refuse_wheel_of_nothing(args)
     if args.config is None:
@@ -191,7 +191,7 @@ def read_logs(paths: list[str], columns: str | None, *, excerpts: bool = False) 
 
 
 def tell_of_log(log: WheelLog | LongLog) -> None:
-    """Say what was read, where -v asks for that: its rows, and which column of the file is what."""
+    """Say with -v what was read: its rows, and which column of the file is what."""
     from rw_ekf.logs.wheel_log import WheelLog
 
     sources = log.sources.items() if isinstance(log, WheelLog) else ()

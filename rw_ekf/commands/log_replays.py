@@ -46,12 +46,12 @@ class Done:
 
     entry: dict[str, Any]  # of the document
     text: str
-    run: Run | None  # for its picture, where one was asked for
+    run: Run | None  # for its picture, where one was requested
 
 
 @dataclass
 class LogReplays:
-    """What is asked for, and how long it took."""
+    """What is requested, and how long it took."""
 
     args: argparse.Namespace
     configuration: Configuration | None
@@ -169,7 +169,7 @@ class LogReplays:
 
     @contextmanager
     def _writer(self) -> Iterator[Writer | None]:
-        """What writes the table of all logs, if one is asked for; several are under a first column `log`."""
+        """What writes the table of all logs, if one is requested; several are under a first column `log`."""
         import numpy as np
 
         from rw_ekf.logs.tables import table_writer

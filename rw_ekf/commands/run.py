@@ -22,7 +22,7 @@ EXAMPLE = """example:
 
 
 class Planned(NamedTuple):
-    """What a run is to command, in place of its configuration's profile, and what is said of it at the end."""
+    """What a run is to command, in place of its configuration's profile, and what is reported of it at the end."""
 
     commander: Commander
     document: dict[str, Any]  # keys beside those of the run's own document
@@ -95,7 +95,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.view is not None:
         from rw_ekf.commands.view import host_and_port
 
-        host_and_port(args.view)  # a mistake in it is told before the run
+        host_and_port(args.view)  # a mistake in it is reported before the run
     run: Run = partial(run_and_report, configurations[0], args)
     if together:
         from rw_ekf.commands.run_bus import run_bus

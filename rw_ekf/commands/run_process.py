@@ -42,7 +42,7 @@ class Claimed(NamedTuple):
 
 @contextlib.contextmanager
 def claimed(port: str, heartbeat: Heartbeat | None) -> Iterator[Claimed | None]:
-    """Claim a port for a run; None where somebody has told it to stop before it began.
+    """Claim a port for a run; None where somebody has requested its stop before it began.
 
     A signal ends the run in order from here on, and a second one does not disturb the report.
     """
@@ -85,7 +85,7 @@ def supervised(configurations: tuple[Configuration, ...], args: argparse.Namespa
 
 
 def watched_by(heartbeat: Heartbeat | None, at: Claimed, log: Any, begin_safe: str | None = None) -> Oversight:
-    """Who is told of a run's turns: the supervisor, systemd, whichever there is."""
+    """Who is notified of a run's turns: the supervisor, systemd, whichever there is."""
     from rw_ekf.live.oversight import Oversight, systemd_of
 
     if heartbeat is not None:

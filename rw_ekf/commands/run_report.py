@@ -1,4 +1,4 @@
-"""What is said at the end of a run: warnings, lines for a person, the document of `run --json`, the exit status."""
+"""What is reported at the end of a run: warnings, lines for a person, the document of `run --json`, the exit status."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def warnings_of(outcome: RunOutcome) -> list[str]:
 
 
 def report_text(outcome: RunOutcome, warnings: list[str], afterwards: Callable[[str], str] | None = None) -> str:
-    """For a person, without what standard error has told already. afterwards: one more line, from the log's name."""
+    """For a person, without what standard error already reported. afterwards: one more line, from the log's name."""
     from rw_ekf.documents import entry_text
 
     stated = _remarks_of_run(outcome)

@@ -1,4 +1,4 @@
-"""`rw-ekf excite --settle`: the motion that tells apart what a diagnosis left open, designed, shown, and made."""
+"""`rw-ekf excite --settle`: the motion that distinguishes what a diagnosis left open, designed, shown, and made."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def settle(configuration: Configuration, args: argparse.Namespace) -> int:
     """Design the motion, print it where nothing is to be moved, else run it; raises RwEkfError.
 
-    Exit status 1 where no motion tells the explanations apart.
+    Exit status 1 where no motion distinguishes the explanations.
     """
     from rw_ekf.commands.answer import answer
     from rw_ekf.commands.first_use import make_ready

@@ -19,7 +19,7 @@ EXAMPLE = """example:
   rw-ekf stop --config my-wheel.yaml"""
 
 _TRY_S = 1.0
-_WITHIN_S = 5.0  # a daemon of one wheel ends, from being told
+_WITHIN_S = 5.0  # a daemon of one wheel ends, from the request to stop
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -128,7 +128,7 @@ def _done(report: HolderReport) -> str:
 
 
 def _still(report: HolderReport) -> str:
-    """Who goes on driving the wheel all the same."""
+    """Who continues to drive the wheel all the same."""
     return "".join(f"; {text}" for text in report.remaining)
 
 

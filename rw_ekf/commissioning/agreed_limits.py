@@ -16,7 +16,7 @@ _CAREFUL_DEGC = 50.0
 
 
 def ask_limits(work: Work) -> dict[str, Any]:
-    """The limits, by option or asked for. Raises BadInputError where nobody is there to say them."""
+    """The limits, by option or by a question. Raises BadInputError where nobody is there to answer."""
     wire = work.protocol_of(work.progress["find"]["protocol"]).limits
     options, by = work.options, "the command line"
     most_A = min(-wire.current_A[0], wire.current_A[1])

@@ -1,4 +1,4 @@
-"""The motions of a commissioning, as generators: a sample comes in, the current [A] to ask for goes out.
+"""The motions of a commissioning, as generators: a sample comes in, the current [A] to request goes out.
 
 None of them needs to know which way a current turns the wheel, but `hold_speed` and `toggled`, which come behind that.
 """

@@ -1,11 +1,11 @@
 """Which sign or scale of a wire map the readings of a move contradict, and what becomes of it.
 
-The command, its echo, the measured current, the speed and the angle tell of one motion. A sign that stands alone
+The command, its echo, the measured current, the speed and the angle describe one motion. A sign that stands alone
 against the others is the wrong one. Where the speed alone contradicts the command, which of the two is turned is a
-matter of what one calls forward: the speed is, so that a positive current turns the wheel forward; and that is said.
+matter of what one calls forward: the speed is, so that a positive current turns the wheel forward; which is reported.
 A size that two of them contradict cannot be laid on either: that is refused.
 
-The scale of speed no line can tell by itself: twice the speed is twice the gain and twice the friction, of a wheel that
+The scale of speed no line can show by itself: twice the speed is twice the gain and twice the friction, of a wheel that
 might exist. So a person holds a tachometer against the wheel while it turns steadily, or says beforehand what true
 speed is per reading; else nothing faster than a tenth of the limit is done, and no model is written. Where nobody can
 be asked it is refused before anything moves.
@@ -51,7 +51,7 @@ UNKNOWN = (
 
 
 class Ratios(NamedTuple):
-    """Against the command, or the speed: None where the telemetry does not tell."""
+    """Against the command, or the speed: None where the telemetry does not show it."""
 
     measured: float | None
     echo: float | None
@@ -77,7 +77,7 @@ def ratios_of(rows: Sequence[Row], rest_rad_s: float) -> Ratios:
 
 
 def _turned(last: Row, row: Row, rest_rad_s: float) -> float | None:
-    """Rate of the angle over the speed, where it can be told how many turns it made."""
+    """Rate of the angle over the speed, where the number of turns that it made is known."""
     if last.angle_rad is None or row.angle_rad is None or last.speed_rad_s is None or row.speed_rad_s is None:
         return None
     lasts_s, speed = row.time_s - last.time_s, 0.5 * (last.speed_rad_s + row.speed_rad_s)
@@ -88,7 +88,7 @@ def _turned(last: Row, row: Row, rest_rad_s: float) -> float | None:
 
 
 def is_unsigned(forward: Sequence[Row], backward: Sequence[Row]) -> bool:
-    """Whether the reading is the same way round whichever way the current drives: it tells no direction."""
+    """Whether the reading is the same way round whichever way the current drives: it shows no direction."""
     ends = [next((row.speed_rad_s for row in reversed(rows) if row.speed_rad_s), 0.0) for rows in (forward, backward)]
     return ends[0] * ends[1] > 0.0
 

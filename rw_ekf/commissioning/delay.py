@@ -1,4 +1,4 @@
-"""How late a command acts, by pulses in which the wheel goes on turning one way; how often readings are new."""
+"""How late a command acts, by pulses in which the wheel continues to turn one way; how often readings are new."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def find_delay(work: Work) -> dict[str, Any]:
 
 
 def _new_every_s(rows: Sequence[Row]) -> float:
-    """Median time between readings that differ: how often the wheel measures, as far as it was asked so often."""
+    """Median time between readings that differ: how often the wheel measures, as far as it was polled so often."""
     reported = [(row.time_s, row.speed_rad_s) for row in rows if row.speed_rad_s is not None]
     changes = [now[0] for last, now in itertools.pairwise(reported) if now[1] != last[1]]
     return float(np.median(np.diff(changes))) if len(changes) > 2 else float("nan")

@@ -9,11 +9,11 @@ from rw_ekf.errors import RwEkfError
 
 
 class Stopped(Exception):  # noqa: N818 - an outcome, not an error
-    """A signal asked for the end."""
+    """A signal requested the end."""
 
 
 class RefusedError(RwEkfError):
-    """The wheel, or what is known of it, does not allow to go on; what was found so far is kept."""
+    """The wheel, or what is known of it, does not allow to continue; what was found so far is kept."""
 
 
 class Dialogue(Protocol):

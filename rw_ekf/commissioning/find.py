@@ -1,6 +1,6 @@
 """Which port, wire map and baud a wheel answers on: by reads alone, one candidate after another.
 
-A family whose wheel has to be started by a write (StartedByWrite) is asked without it; a boot loader that answers is a
+A family whose wheel has to be started by a write (StartedByWrite) is read without it; a boot loader that answers is a
 finding of its own, and is started only once somebody has agreed.
 """
 
@@ -49,7 +49,7 @@ class Found:
 
     @property
     def answered(self) -> int:
-        """How many quantities it told: of two maps that fit, the one that says more is the wheel's."""
+        """How many quantities it reported: of two maps that fit, the one that says more is the wheel's."""
         sample = self.sample
         reported = (sample.current_A, sample.current_command_A, sample.temperature_degC, sample.bus_voltage_V)
         return sum(value is not None for value in (*reported, sample.angle_rad, sample.pressure_Pa))
@@ -151,7 +151,7 @@ class Search:
                 return None
         finally:
             wheel.close()
-        known = protocol.open_wheel(port, self._clock, REPLY_TIMEOUT_S, baud=baud)  # asks who it is as well
+        known = protocol.open_wheel(port, self._clock, REPLY_TIMEOUT_S, baud=baud)  # queries its identity as well
         try:
             read_ms, scatter = _looked_at(known, self._clock)
             return Found(port, name, baud, sample, identity_of(known), known.link.reply_ms, read_ms, scatter, starts)
@@ -193,7 +193,7 @@ def find_wheel(
     dialogue: Dialogue,
     may_start: Callable[[str], bool],
 ) -> Found:
-    """The wheel that is meant. may_start: asks whether a boot loader may be told to start the wheel's program.
+    """The wheel that is meant. may_start: asks whether a boot loader may be commanded to start the wheel's program.
 
     Raises RefusedError with what was tried where none answers, or where several do and nobody can say which.
     """

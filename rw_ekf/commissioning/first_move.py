@@ -108,8 +108,8 @@ def find_sign(work: Work) -> dict[str, Any]:
 def _first_moved(work: Work, ratio: float | None) -> Moved:
     """Ramps and pulses through the map that was found, or one by which commands are taken.
 
-    Where telemetry tells the opposite of each command, so that none counts as taken, they go through a copy in which
-    what is told is turned; what that shows is given as the map that was found would tell it. Raises RefusedError.
+    Where telemetry reports the opposite of each command, so that none counts as taken, they go through a copy in which
+    the report is turned; what that shows is given as the map that was found would report it. Raises RefusedError.
     """
     try:
         return _moved(work, ratio)
@@ -240,7 +240,7 @@ def _by_tachometer(work: Work, moved: Moved, path: str) -> float:
 
 
 def _held(work: Work, moved: Moved, path: str, target: float) -> float:
-    """What a person reads from a tachometer over what the wheel tells, at a steady speed. Raises RefusedError."""
+    """What a person reads from a tachometer over what the wheel reports, at a steady speed. Raises RefusedError."""
     poll = work.dialogue.tachometer(
         f"the wheel reads {rpm_from_rad_s(target):.4g} rpm and is held there: what does a tachometer say? [rpm; Enter: "
         "nobody knows]"

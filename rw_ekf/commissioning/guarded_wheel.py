@@ -1,6 +1,6 @@
 """A wheel behind its guard for the time of one step: moves one after another, every reading and command kept.
 
-A move is a generator that takes samples and yields the current to ask for after each. Whatever ends a move or a step,
+A move is a generator that takes samples and yields the current to request after each. Whatever ends a move or a step,
 zero is written; the line is closed behind a zero that the wheel has confirmed.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Move = Generator[float, WheelSample, None]
 _DEAD_AFTER_S = 3.0  # without an answer: a wheel that has gone, and no hiccup of the line
-_RUNS_AWAY = 2.0  # times the ceiling: it goes on faster though zero is written
+_RUNS_AWAY = 2.0  # times the ceiling: it still runs faster though zero is written
 
 
 def not_confirmed(configuration: str | Path) -> str:
@@ -42,7 +42,7 @@ def not_confirmed(configuration: str | Path) -> str:
 
 
 class OppositeError(RefusedError):
-    """The current that telemetry tells has the other sign than the one that was written."""
+    """The current that telemetry reports has the other sign than the one that was written."""
 
 
 class Row(NamedTuple):
@@ -51,7 +51,7 @@ class Row(NamedTuple):
     time_s: float
     speed_rad_s: float | None
     current_A: float | None
-    echo_A: float | None  # the command as telemetry tells it
+    echo_A: float | None  # the command as telemetry reports it
     angle_rad: float | None
     segment: int
     command_A: float
@@ -76,7 +76,7 @@ class Bench:
         ceiling_rad_s: float = float("inf"),
         configuration_file: str | Path = "F",
     ) -> None:
-        """step_rad_s: resolution or noise of a reading. ceiling_rad_s: above it nothing but zero is asked for.
+        """step_rad_s: resolution or noise of a reading. ceiling_rad_s: above it nothing but zero is requested.
 
         configuration_file: what stops the wheel by another program.
         """
@@ -91,7 +91,7 @@ class Bench:
         self._claim = PortClaim(configuration.wheel.port, clock)
         self._live: LiveWheel | None = None
         self._opposite = OppositeTold()
-        self._driven = False  # whether the move has asked for a current
+        self._driven = False  # whether the move has requested a current
         self._began_s = self._unknown_since_s = 0.0
         self.lasted_s = 0.0
 
@@ -156,7 +156,7 @@ class Bench:
         return rows
 
     def _note(self, event: str, **context: object) -> None:
-        """What the live wheel has to tell, but for ramps: every pulse begins with one."""
+        """What the live wheel has to report, but for ramps: every pulse begins with one."""
         if event != "command_changed" or context.get("reason") not in (None, "slew"):
             self._warn(event, **context)
 
@@ -171,7 +171,7 @@ class Bench:
         self._hold_against(issued)
         known = issued is not None and issued.acknowledged
         if speed is None and issued is None:
-            known = True  # a reading was missed: what was commanded before goes on
+            known = True  # a reading was missed: what was commanded before remains in force
         return Row(
             sample.time_s,
             speed,
@@ -186,7 +186,7 @@ class Bench:
         )
 
     def _hold_against(self, issued: IssuedCommand | None) -> None:
-        """Raise where the sign of what is written is not that of what is told."""
+        """Raise where the sign of what is written is not that of what is reported."""
         self._opposite.add(issued)
         if self._opposite.is_certain:
             place = self._protocol.scale_places.get("current", self._configuration.wheel.protocol)
@@ -203,7 +203,7 @@ class Bench:
         if why != IDENTITY_UNKNOWN:
             self._unknown_since_s = now_s
         if why == IDENTITY_UNKNOWN and (self._driven or now_s - self._unknown_since_s > _DEAD_AFTER_S):
-            # Before any current it is waited for, as it answers in a turn or two; a move cannot go on behind a hold.
+            # Before any current it is waited for, as it answers in a turn or two; a move cannot continue behind a hold.
             about = "after a silence it answers, and does not say at once which wheel it is: start again"
             raise RefusedError(f"the wheel must not be driven: {about}")
         if why not in (None, IDENTITY_UNKNOWN):
@@ -223,6 +223,6 @@ def _tick(sample: WheelSample, link: LinkState) -> Tick:
 
 
 def zero() -> Move:
-    """Ask for no current."""
+    """Request no current."""
     while True:
         yield 0.0

@@ -23,7 +23,7 @@ from rw_ekf.units import rpm_from_rad_s
 
 _MOST_SHARE = 0.95  # of the current limit: the guard clamps nothing
 _FASTEST_SHARE = 0.6  # of the speed limit, that coast-downs begin at
-_HELD_SHARE = 0.8  # of it, above which no current that makes the wheel faster is asked for
+_HELD_SHARE = 0.8  # of it, above which no current that makes the wheel faster is requested
 _SLEW_SHARE = 0.8
 _WAITS_S = 10.0  # for a line that is lost, or for zero to be over
 DIRECTORY = "identification"
@@ -113,11 +113,11 @@ class _Impatience:
             self._stop.request(state.reason)
 
     def over(self) -> None:
-        """Nothing to be told."""
+        """Nothing to be reported."""
 
 
 def _held(wanted: Controller, fast_rad_s: float) -> Controller:
-    """A controller that asks for nothing that would make a fast wheel faster."""
+    """A controller that requests nothing that would make a fast wheel faster."""
 
     def held_A(tick: Tick) -> float:
         current_A, speed = wanted(tick), tick.sample.speed_rad_s or 0.0

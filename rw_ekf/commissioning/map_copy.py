@@ -29,7 +29,7 @@ _SIGNAL = re.compile(r"(\s*SG_\s+(\w+)\s*:[^(]*)\(([^,()]+),([^,()]+)\)\s*\[([^|
 def scale_can_map(
     data: dict[str, Any], factors: Mapping[tuple[str, str], float], folder: Path, directory: Path
 ) -> set[tuple[str, str]]:
-    """Multiply what is told and commanded in a map's content; a DBC of `folder` is copied into `directory`, and named.
+    """Multiply what is read and commanded in a map's content; a DBC of `folder` is copied into `directory` and named.
 
     Gives those of the factors that have no place in it; then nothing is to be used.
     """

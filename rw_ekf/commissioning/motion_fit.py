@@ -23,7 +23,7 @@ from rw_ekf.commissioning.guarded_wheel import Row
 
 _LEAST_READINGS = 4  # of a stretch
 _LONGEST_GAP_S = 1.0
-_VISCOUS_1_S, _VISCOUS_STD_1_S = 0.003, 0.02  # what wheels have [CK13]; short moves do not tell it
+_VISCOUS_1_S, _VISCOUS_STD_1_S = 0.003, 0.02  # what wheels have [CK13]; short moves do not show it
 _DELAYS_S = (-0.05, 0.6)
 _DELAY_STEP_S = 0.01
 

@@ -1,4 +1,4 @@
-"""What has been found so far, in commission.json of the output directory: a rerun goes on behind the last step."""
+"""What has been found so far, in commission.json of the output directory: a rerun continues after the last step."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Progress:
         return self._content[step]
 
     def keep(self, step: str, finding: object) -> None:
-        """Note a finding, on the disk before anything goes on. Raises BadInputError where it cannot be written."""
+        """Note a finding, on the disk before anything continues. Raises BadInputError where it cannot be written."""
         self._content[step] = finding
         write_text(self.directory / DOCUMENT, json_text(self._content))
 

@@ -33,7 +33,7 @@ def sections_of(progress: Progress) -> dict[str, dict[str, Any]]:
         wheel["baud"] = found["baud"]
     kept = {name: limits[name] for name in ("current_A", "speed_rpm", "temperature_degC") if limits[name] is not None}
     rate_hz = rate_for(found["read_ms"])
-    reply_ms = (still or found)["reply_ms"] or 0.0  # none where nothing is asked, as on a bus
+    reply_ms = (still or found)["reply_ms"] or 0.0  # none where nothing is requested, as on a bus
     timeout_ms = max(_LEAST_TIMEOUT_MS, found["read_ms"] + _REPLIES * reply_ms)
     kept["slew_A_per_s"] = SLEW_PER_LIMIT * limits["current_A"]
     if _SILENCE_S * rate_hz < _SILENT_PERIODS:

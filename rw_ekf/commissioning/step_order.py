@@ -33,7 +33,7 @@ def commission(
     computing: Callable[[], object] = lambda: None,
     advance: Callable[[str], object] = lambda text: None,
 ) -> None:
-    """Go through all that has not been done. computing: called before the model is made; advance: told of its steps.
+    """Go through all that has not been done. computing: called before the model is made; advance: called at its steps.
 
     Raises Stopped for a signal, and whatever a step refuses by; what was found is kept.
     """
@@ -135,8 +135,8 @@ def _find(work: Work) -> dict[str, Any]:
 def _maps(work: Work) -> list[str]:
     """The wire maps to try: the one that was given, else those shipped that can be read with what is installed.
 
-    A mistake in one is told before any port is opened. Raises ConfigError; for one that was given also where what reads
-    it is not installed.
+    A mistake in one is reported before any port is opened. Raises ConfigError; for one that was given also where what
+    reads it is not installed.
     """
     if work.options.protocol is not None:
         named = _whole(work.options.protocol)

@@ -1,1 +1,1 @@
-"""What current is asked for: profiles, a recorded current; compensation comes here."""
+"""What current is requested: profiles, a recorded current; compensation comes here."""

@@ -1,4 +1,4 @@
-"""What current is asked for after each sample: a profile of time, or a recorded current repeated."""
+"""What current is requested after each sample: a profile of time, or a recorded current repeated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Phase = Callable[[float], str]
 
 
 class ProfileController:
-    """Current of a profile at the sample's time since the first sample; goes on through restarts of the wheel."""
+    """Current of a profile at the sample's time since the first sample; continues through restarts of the wheel."""
 
     def __init__(self, profile: Profile) -> None:
         self.profile = profile
@@ -27,7 +27,7 @@ class ProfileController:
         self._last: WheelSample | None = None
 
     def __call__(self, tick: Tick) -> float:
-        """Return the current [A] to ask for after this tick's sample."""
+        """Return the current [A] to request after this tick's sample."""
         sample = tick.sample
         if self._last is not None and sample.segment == self._last.segment:
             self._elapsed_s += max(sample.time_s - self._last.time_s, 0.0)
@@ -37,7 +37,7 @@ class ProfileController:
 
 @dataclass(frozen=True)
 class Commander:
-    """What is asked for, for how long, and what it is at: a profile, behind a small move or a brake where due."""
+    """What is requested, for how long, and what it is at: a profile, behind a small move or a brake where due."""
 
     controller: Controller
     profile: Profile
@@ -65,9 +65,9 @@ class Commander:
 
 
 def commander_of(command: CommandSection) -> Commander:
-    """Return what a configuration asks for, without a move before it.
+    """Return what a configuration requests, without a move before it.
 
-    Profile `none` is not asked here: a run that never writes has no commander.
+    Profile `none` does not come here: a run that never writes has no commander.
     """
     profile = profile_of(command)
     return Commander(ProfileController(profile), profile)

@@ -1,8 +1,8 @@
 """The small move before a profile: whether a wheel turns the way its wire map says, and about as strongly.
 
 Pulses of one current, forward, back, back, forward, so that the wheel ends about as fast as it began, but for what its
-friction takes. The watch over the sign (rw_ekf.watch.sign_watch) decides on what the readings show; the move only asks
-for currents, which pass the guard like any others.
+friction takes. The watch over the sign (rw_ekf.watch.sign_watch) decides on what the readings show; the move only
+requests currents, which pass the guard like any others.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ConfirmingMove:
         limits: MoveLimits,
         over: Callable[[ConfirmingMove], None],
     ) -> None:
-        """believed: of the wheel; over: told when the move has ended, before the profile begins."""
+        """believed: of the wheel; over: called when the move has ended, before the profile begins."""
         self._profile = profile
         self._watch = watch
         self._limits = limits
@@ -77,11 +77,11 @@ class ConfirmingMove:
         return _MOST_PULSES * self._pulse_s
 
     def __call__(self, tick: Tick) -> float:
-        """Return the current [A] to ask for after this tick's sample."""
+        """Return the current [A] to request after this tick's sample."""
         if not self.active:
             return self._profile(tick)
         if tick.state is not None and tick.state.state is RunState.SAFE:
-            self._begin_anew()  # only zero is written: nothing that is asked for could be seen
+            self._begin_anew()  # only zero is written: nothing that is requested could be seen
             return 0.0
         sample = tick.sample
         if self._last is not None:

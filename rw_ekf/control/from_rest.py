@@ -38,7 +38,7 @@ class FromRest:
         return self._limits.longest_s
 
     def __call__(self, tick: Tick) -> float:
-        """Return the current [A] to ask for after this tick's sample."""
+        """Return the current [A] to request after this tick's sample."""
         sample = tick.sample
         if self.active:
             held = tick.state is not None and tick.state.state is RunState.SAFE

@@ -21,7 +21,7 @@ def acting_temperature(
 ) -> Float64Array:
     """The temperature of a body that follows the one read with a time constant lag_s [s], (n,) all (docs/effects.md).
 
-    Where the record begins the body is warmer than its thermometer by ahead_K. It goes on through rows that are lost,
+    Where the record begins the body is warmer than its thermometer by ahead_K. It continues through rows that are lost,
     and begins anew where another clock does. Rows whose time does not go forward count for nothing, as they do to the
     filter. NaN before the first reading.
     """

@@ -9,7 +9,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.model.law import Law
 from rw_ekf.wheel.effect_table import EffectSet
 
-_BEYOND = 0.02  # of a log, beyond a law's range, that is told
+_BEYOND = 0.02  # of a log, beyond a law's range, above which it is reported
 _MARGIN = 0.02  # of its range, by which the same course goes beyond when it is run again: held, it is off by little
 
 

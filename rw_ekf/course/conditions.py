@@ -1,4 +1,4 @@
-"""Temperature and angle along a course without gaps: what effects ask of them."""
+"""Temperature and angle along a course without gaps: what effects need of them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def filled_columns(columns: Float64Array) -> Float64Array:
 
 
 def of_lost_temperature(time_s: Float64Array, temperature_degC: Float64Array | None, effects: EffectSet) -> list[str]:
-    """What is said of a temperature (n,) that a model goes with and a log has not, or has not for a while."""
+    """What is reported of a temperature (n,) that a model goes with and a log has not, or has not for a while."""
     needing = [term.id for term in effects.terms if term.goes_with_temperature]
     if not needing:
         return []

@@ -45,7 +45,7 @@ def stretches(course: Course, max_gap_s: float) -> list[Stretch]:
 
 @by_identity
 class FreeRun(NamedTuple):
-    """What k free runs over n samples give; path and jacobian have no rows where they were not asked for."""
+    """What k free runs over n samples give; path and jacobian have no rows where they were not requested."""
 
     ends_rad_s: Float64Array  # (k,) speed at the last sample of each
     path_rad_s: Float64Array  # (n,) NaN outside of the runs

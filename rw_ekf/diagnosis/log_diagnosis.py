@@ -135,7 +135,7 @@ def richer_part(prepared: Prepared) -> Prepared:
 
 
 def fit_with_effects(log: WheelLog, effect_ids: list[str], *, split: SplitKind = "blocks") -> float | None:
-    """Free-run error [rpm] on the held-out part of a fit that is told the effects; None if it cannot run."""
+    """Free-run error [rpm] on the held-out part of a fit that is given the effects; None if it cannot run."""
     source = source_of([log])
     if source.unfit is not None:
         return None

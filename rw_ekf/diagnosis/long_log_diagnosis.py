@@ -26,7 +26,7 @@ from rw_ekf.starting_point import setup_of_model
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
 
-# Scatter of parts, in their noise, above which it is told: of eight parts of a wheel it is above that once in 4,500.
+# Scatter of parts, in their noise, above which it is reported: of eight parts of a wheel it exceeds that once in 4,500.
 _WANDERS = 2.0
 _MOST_ROWS = 50_000_000  # a minute of processor time for both models; beyond, the stretches have to do
 
@@ -105,7 +105,7 @@ def _missed(log: LongLog, model: WheelModel) -> dict[str, float | None] | None:
 
 
 def _sentences(whole: dict[str, Any], *, in_rpm: bool) -> list[str]:
-    """What was missed, in words; none where nothing can be said."""
+    """What was missed, in words; none where nothing can be stated."""
     unit, scale = ("rpm", 1.0) if in_rpm else ("rad/s", RAD_S_PER_RPM)
     described = [
         f"by {scale * missed['rms_rpm']:.3g} {unit} (NIS {missed['nis_mean']:.3g}) {how}"

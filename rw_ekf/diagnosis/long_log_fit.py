@@ -7,7 +7,7 @@ information H_p along its own smoothed trajectory. Added up they are a Gauss-New
 
 which is the likeliest of all readings after two, for the start is as good as a fit to 50,000 of them. What the parts
 say differs by more than their noise where a wheel is not the same for days: their scores are independent, so that their
-own scatter tells how well the numbers are known (Huber's and White's sandwich),
+own scatter shows how well the numbers are known (Huber's and White's sandwich),
 
     C = H^-1 [P / (P - 1) sum (s_p - mean)(s_p - mean)'] H^-1.                                                (eq. 16)
 """
@@ -59,7 +59,7 @@ class _Sums:
 def fitted_to_all(fit: Fit, reported: Fit, prepared: Prepared, log: LongLog) -> WholeFit | None:
     """A fit of stretches taken on to all of a log; None where a part alone cannot say what the whole says.
 
-    reported: the fit with the standard deviations that a person is told; by what they exceed those of `fit`, which more
+    reported: the fit with the standard deviations that are reported; by what they exceed those of `fit`, which more
     readings do not mend (a Stribeck speed that nobody knows), the new ones do. That of break-away friction stays no
     smaller than it was: a command that climbs in steps passes it between the same two each time, and the error is the
     same each time (of 224 runs whose ramps climb by 1 % of it the mean was .07 % too high).
@@ -110,7 +110,7 @@ def _is_known_by_parts(fit: Fit, reported: Fit, prepared: Prepared) -> bool:
         model.has_memory
         or model.effects.table().hidden
         or reported.simulated
-        or prepared.temperature_lag is not None  # which goes on from part to part
+        or prepared.temperature_lag is not None  # which continues from part to part
         or fit.linearised.record.levels is not None
         or any(quantity_of(effect) == "time" or effect.local_in_time for effect in effects)
         or "time" in quantities
@@ -159,7 +159,7 @@ def _score(fit: Fit, model: Model, record: Record, inside: BoolArray) -> tuple[F
     """What one part says: the slope of its log-likelihood by the vector (p,), and its information (p, p)."""
     noise = Noise(fit.noise.variance, fit.noise.ratio * record.period_s / fit.linearised.record.period_s)
     none, omit = np.zeros(0), ~np.isfinite(record.course.speed_rad_s)
-    # Near rest only a model tells stick from slip.
+    # Near rest only a model distinguishes stick from slip.
     trajectory = smoothed_by_filter(record.course, inside, model, record.constants, float(np.sqrt(noise.variance)))
     for _ in range(_SETTLING_TURNS):
         followed = linearise(record, model, trajectory, noise, omit, with_jacobian=False)

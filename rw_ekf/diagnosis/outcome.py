@@ -23,7 +23,7 @@ class ModelTrace:
     one_step_error_rad_s: Float64Array  # reading minus the filter's prediction
     free_run_rad_s: Float64Array  # each stretch of the split simulated from its first speed
     residual_acceleration_rad_s2: (
-        Float64Array  # what the smoothed speed asks for beyond the model; a wheel's torque / J
+        Float64Array  # what the smoothed speed requires beyond the model; a wheel's torque / J
     )
     normalised_innovation: Float64Array  # one-step error over its standard deviation
 
@@ -43,7 +43,7 @@ class Outcome:
     model: WheelModel | None = None  # what augmented-model.yaml holds
     inertia_kg_m2: float | None = None  # None: not known, or a plant that is no wheel
     inertia_from: str = ""  # "configuration", "model" or "assumed": what stands behind every torque
-    in_rpm: bool = True  # speeds are told in rpm; False: in rad/s, or m/s of a plant that moves along a line
+    in_rpm: bool = True  # speeds are reported in rpm; False: in rad/s, or m/s of a plant that moves along a line
 
     def document(self) -> dict[str, Any]:
         """The document of `diagnose --json` (docs/contract.md#diagnosis)."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Diagnosis(Outcome, Shown):
-    """The outcome of `diagnose` for one log, with all that is told of it."""
+    """The outcome of `diagnose` for one log, with all that is reported of it."""
 
     def text(self, directory: Path | None = None) -> str:
         """What `diagnose` prints; directory: where the report was written."""

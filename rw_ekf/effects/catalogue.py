@@ -134,7 +134,7 @@ def of_kind(kind: Any) -> list[type[Any]]:
 FORMULAS = [effect for effect in CATALOGUE.values() if not issubclass(effect, LawEffect)]
 
 # What stands for torque as such, for a Stribeck curve that is fitted, for a reading on a grid, for dry friction that
-# wanders in no particular shape: the rest of the package asks for these, and knows no effect by name.
+# wanders in no particular shape: the rest of the package uses these, and knows no effect by name.
 TORQUE = CATALOGUE["offset_torque"]
 DEADZONE = CATALOGUE["current_deadzone"]
 (STRIBECK,) = of_kind(StribeckEffect)

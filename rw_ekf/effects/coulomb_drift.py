@@ -13,7 +13,7 @@ from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
 from rw_ekf.model.moment import Moment
 
-_REPORTED_S = 100.0  # in which a person is told how far it walks
+_REPORTED_S = 100.0  # over which its walk is reported
 
 
 class CoulombDrift(WanderingEffect):

@@ -41,7 +41,7 @@ class CurrentDeadzone(StaticEffect):
 
     @staticmethod
     def contribution(a: float, q: Shape, at: Moment) -> Contribution:
-        """Current sgn(I) min(|I|, a) less. A filter on its way may look at a < 0: the line goes on."""
+        """Current sgn(I) min(|I|, a) less. A filter on its way may look at a < 0: the line continues."""
         if at.current == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         lost = min(abs(at.current), a)

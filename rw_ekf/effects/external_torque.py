@@ -21,7 +21,7 @@ class ExternalTorque(PeriodicEffect):
     """f = a sin(2 pi frequency (t - reference) + phase), averaged over the piece.
 
     t is the log's time, which may count from 1970: without a reference near the record, frequency and phase could not
-    be told apart.
+    be distinguished.
     """
 
     id = "external_torque"
@@ -58,7 +58,7 @@ class ExternalTorque(PeriodicEffect):
 
         Above, a line is an alias, and at the rate of the readings it is their own clock: neither is a torque.
         Harmonics of a current that repeats itself are among them: whether the torque says anything beside laws of the
-        motion is asked of whatever has a clock.
+        motion is tested for whatever has a clock.
         """
         if facts.duration_s < _LEAST_SAMPLES * max(facts.period_s, facts.reading_s):
             return []

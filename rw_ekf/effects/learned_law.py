@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rw_ekf.model.effect import Matrix
 
 
-_SEEN = 3.0  # times the usual sigma: where a record hardly was, nothing is told
+_SEEN = 3.0  # times the usual sigma: where a record hardly was, nothing is reported
 WORDS: dict[ActsAs, str] = {
     "drag": "Drag",
     "torque": "A torque, whichever way the wheel turns,",
@@ -80,7 +80,7 @@ class LearnedLaw(LawEffect):
     equation = "f = a g(z), g by its values on knots, straight between them and level beyond"
     source = "Gaussian-process regression: Rasmussen & Williams 2006, ch. 2 and 5.4.1"
     coefficient = Coefficient("amplitude", "1", -1.0e6, 1.0e6, "factor of the law as it was found")
-    shown_against = "speed"  # where nobody asks a term what it is a law of
+    shown_against = "speed"  # where the quantity of a term's law is not queried
     excitation = "all values of the quantity, each at several speeds, both ways round: `rw-ekf excite identification`"
 
     @classmethod

@@ -30,7 +30,7 @@ def top_speed(facts: RecordFacts) -> float:
 
 
 def top_drive(facts: RecordFacts) -> float:
-    """The largest acceleration that the motor was asked for [rad/s^2], never 0."""
+    """The largest acceleration that was requested of the motor [rad/s^2], never 0."""
     return max(abs(facts.friction.motor_gain) * facts.top_current_A, _TINY)
 
 

@@ -14,7 +14,7 @@ _SMALLEST_SHARE = 0.003  # of dry friction
 
 
 class OffsetTorque(StaticEffect):
-    """f = a. No log can tell it from Coulomb friction c + a forward and c - a backward, or from a current offset."""
+    """f = a. No log can separate it from Coulomb friction c + a forward and c - a backward, or a current offset."""
 
     id = "offset_torque"
     equation = "f = a"

@@ -1,4 +1,4 @@
-"""An effect by a user's own formula, with all that a diagnosis asks of an effect of the catalogue."""
+"""An effect by a user's own formula, with all that a diagnosis needs of an effect of the catalogue."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rw_ekf.numbers import number_text, plus_minus
 _PLACES = {0: 1, 1: 12, 2: 7, 3: 5}  # tried of each constant, by how many there are
 _STEP, _REACH = 0.005, 0.1  # of a range that has a zero: by which a constant is moved for a slope, and in one step
 _AT_EDGE = 1.0e-3  # of a range
-_POINTS = 9  # of each quantity, at which the size of a formula is asked for
+_POINTS = 9  # of each quantity, at which the size of a formula is evaluated
 _BOUND = 1.0e9
 _SHOWN = {"omega": "speed", "current": "current", "temperature": "temperature", "angle": "angle", "time": "time"}
 
@@ -118,7 +118,7 @@ class OwnEffect(FormulaEffect):
 
 @functools.lru_cache(maxsize=256)
 def effect_of(formula: OwnFormula) -> type[OwnEffect]:
-    """The effect of a formula: one and the same class whenever it is asked for."""
+    """The effect of a formula: one and the same class whenever it is requested."""
     tree, used = formula.tree, set(formula.tree.names())
     if formula.kind == "viscous":
         tree = Node("*", (tree, Node("name", name="omega")))

@@ -1,4 +1,4 @@
-"""What torques periodic in angle or in time share: a sine and a cosine, told to a person as amplitude and phase.
+"""What torques periodic in angle or in time share: a sine and a cosine, reported as amplitude and phase.
 
     S sin(x + phi) + C sin(x + phi + pi/2) = A sin(x + phi + psi),  A = sqrt(S^2 + C^2),  psi = atan2(C, S)
 

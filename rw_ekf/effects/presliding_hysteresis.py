@@ -63,7 +63,7 @@ class PreslidingHysteresis(FrictionMemoryEffect):
 
     @classmethod
     def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:
-        """Dampings on either side: a step along the reference hardly tells them apart, a fit does."""
+        """Dampings on either side: a step along the reference hardly distinguishes them, a fit does."""
         return [
             Candidate(found, (_DAMPINGS[0], 0.0, 0.0)),
             *(candidate._replace(shape=(damping, 0.0, 0.0)) for damping in (_MORE_DAMPING, 0.0)),

@@ -23,7 +23,7 @@ class StribeckShape(StribeckEffect):
     """omega_s = a, and g Gauss, Tustin or Lorentz, in place of the configured ones.
 
     The coefficient replaces, it does not add: "no effect" is the configured speed, not 0. Another speed and another law
-    can stand for each other; only dwells at half to five Stribeck speeds tell them apart.
+    can stand for each other; only dwells at half to five Stribeck speeds distinguish them.
     """
 
     id = "stribeck_shape"
@@ -47,7 +47,7 @@ class StribeckShape(StribeckEffect):
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
-        """Half the top speed, where no bearing's film forms so late: what goes on beyond is a law of the speed."""
+        """Half the top speed, where no bearing's film forms so late: what continues beyond is a law of the speed."""
         return max(min(0.5 * facts.top_speed_rad_s, _LATEST_FILM_RAD_S), facts.stribeck_speed_rad_s)
 
     @staticmethod

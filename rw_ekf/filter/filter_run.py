@@ -12,7 +12,7 @@ from rw_ekf.arrays import Float64Array, by_identity
 
 @by_identity
 class History(NamedTuple):
-    """Everything a smoother needs of n samples and m states; no rows where it was not asked for."""
+    """Everything a smoother needs of n samples and m states; no rows where it was not requested."""
 
     predicted: Float64Array  # (n, m) before the update
     covariance: Float64Array  # (n, m, m) before the update
@@ -27,7 +27,7 @@ class History(NamedTuple):
 
 @by_identity
 class FilterRun(NamedTuple):
-    """The final belief, the innovations, and states and histories where they were asked for."""
+    """The final belief, the innovations, and states and histories where they were requested."""
 
     mean: Float64Array  # (m,) for m states
     covariance: Float64Array  # (m, m)

@@ -1,7 +1,7 @@
 """filterpy's extended Kalman filter, imported without two parts of SciPy that it never calls for this filter.
 
 filterpy imports all of itself at once, with it `scipy.stats` and `scipy.ndimage`: .35 s of CPU and 35 MB in every
-daemon, for densities and shifts of grids that a Kalman filter uses only where somebody asks for its `log_likelihood`.
+daemon, for densities and shifts of grids that a Kalman filter uses only where its `log_likelihood` is used.
 For as long as filterpy is imported, names of these two stand for what is loaded when one of them is first used.
 """
 
@@ -25,7 +25,7 @@ class _Later:
 
     def __getattr__(self, name: str) -> Any:
         module, own = self._place
-        if module in _STANDING_IN:  # filterpy asks, while it is imported, whether logpdf knows a keyword: it does
+        if module in _STANDING_IN:  # filterpy tests, while it is imported, whether logpdf knows a keyword: it does
             return lambda *arguments, **keywords: None
         return getattr(getattr(import_module(module), own), name)
 

@@ -21,7 +21,7 @@ NOT_POSITIVE = 2
 RAN_AWAY = 3
 DIVERGED = 4
 LOCKED_OUT = 5
-UNPHYSICAL = 6  # told, and reset by nothing
+UNPHYSICAL = 6  # reported, and reset by nothing
 
 # What is reset.
 NOTHING = 0

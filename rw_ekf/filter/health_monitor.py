@@ -1,4 +1,4 @@
-"""The health of an online filter: examined after every sample, reset where it is broken, told in sentences."""
+"""The health of an online filter: examined after every sample, reset where it is broken, reported in sentences."""
 
 from __future__ import annotations
 

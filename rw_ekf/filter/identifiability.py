@@ -34,7 +34,7 @@ class ParameterReport:
         return STATE_UNITS[self.name]
 
     def text(self) -> str:
-        """`15.21 +- 0.02 rad/s^2/A`, or that this run does not tell."""
+        """`15.21 +- 0.02 rad/s^2/A`, or that this run does not show it."""
         if not self.identifiable and self.prior_std <= _KNOWN_BEFORE * abs(self.value):
             return f"{plus_minus(self.value, self.std)} {self.unit}, known before; this run adds little"
         if not self.shown:

@@ -1,4 +1,4 @@
-"""Filter a whole log with the compiled pass, and keep what was asked for."""
+"""Filter a whole log with the compiled pass, and keep what was requested."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
 
 class LogFilter:
-    """The compiled pass, which goes on from one part of a log to the next: a log need not be held as a whole."""
+    """The compiled pass, which continues from one part of a log to the next: a log need not be held as a whole."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class LogFilter:
     ) -> FilterRun:
         """Filter the samples of a part from `begin` on; those before are the last of the part before.
 
-        What is left of these in the run has no meaning. Its belief is that of this object, and goes on changing. Raises
+        What is left of these in the run has no meaning. Its belief is that of this object, and keeps changing. Raises
         FilterError when the input or the result is not finite.
         """
         if not np.isfinite(course.pieces.current_A).all() or np.isinf(course.speed_rad_s).any():

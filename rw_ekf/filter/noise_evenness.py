@@ -1,8 +1,8 @@
 """Is the readings' noise one and the same, and normal? What sigmas rest on beside a residual that is white.
 
 A sensor that loses counts reads low whichever way the wheel turns; one whose timing is poor is noisier at speed; one
-that slips now and then has long tails. None of these is correlated in time, and a filter that is not told of them has
-sigmas that hold less often than they say. Asked by first and second moments alone, which are normal in a few hundred
+that slips now and then has long tails. None of these is correlated in time, and a filter that does not know of them has
+sigmas that hold less often than they say. Tested by first and second moments alone, which are normal in a few hundred
 readings; a test of third and fourth ones is not.
 """
 
@@ -16,8 +16,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.numbers import p_text
 
-# Of all three together, so that a record is told at one in a million: noise that is a little uneven, as any real one
-# is, costs little. In the 8,000 readings that are judged at most, one sigma apart from the other is then 4 % of it.
+# Of all three together, so that a record is reported at one in a million: noise that is a little uneven, as any real
+# one is, costs little. In the 8,000 readings that are judged at most, one sigma apart from the other is then 4 % of it.
 UNEVEN_P = 1.0e-6
 _LEAST = 200
 _MOST = 8_000

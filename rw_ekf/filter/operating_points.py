@@ -1,8 +1,8 @@
 """Where a wheel has been: readings sorted into buckets by speed and by drive, and what such a motion can show at all.
 
 At one speed and one current the readings determine k I - b omega - c and nothing else, however small the filter's
-sigmas have become with the help of its prior. Two speeds tell b from c, two drives (or a coast) k from both, and only a
-stop or creep tells of break-away friction. A bucket counts once it holds twenty used readings.
+sigmas have become with the help of its prior. Two speeds separate b from c, two drives (or a coast) k from both, and
+only a stop or creep shows break-away friction. A bucket counts once it holds twenty used readings.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class OperatingPoints:
     starts: int = 0  # out of creep, after a stop or the other way round than into it
     _way: int = 0  # of the last reading beyond creep
     _pause: int = 0  # readings in creep since
-    _shown: ParameterFlags | None = None  # where no bucket has filled since it was asked for
+    _shown: ParameterFlags | None = None  # where no bucket has filled since the last request
 
     @classmethod
     def of_wheel(cls, start: FrictionParameters, stribeck_speed_rad_s: float) -> OperatingPoints:

@@ -1,6 +1,6 @@
 """Many wheels over years: `build`, `run`, `diagnose`, `trends` and `view` of a directory of logs (docs/fleet.md).
 
-Loaded when first asked for, as all of `rw_ekf`: `rw_ekf.fleet.run("logs").text()`.
+Loaded when first used, as all of `rw_ekf`: `rw_ekf.fleet.run("logs").text()`.
 """
 
 from __future__ import annotations

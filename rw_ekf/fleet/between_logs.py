@@ -92,7 +92,7 @@ def next_start(log: WheelLog, configuration: Configuration | None, carry: Carry,
 def with_noise_of(start: Starting, log: WheelLog, run: Run) -> Starting | None:
     """The start with the noise that the readings of this log show; None where the one before it does for them.
 
-    A wheel's noise is that of its first log, until innovations are not what it lets expect: a filter that goes on with
+    A wheel's noise is that of its first log, until innovations are not what it lets expect: a filter that runs with
     a tenth of the noise rejects half of the readings, and is as sure of the other half as before.
     """
     used = run.statistics.nis_sum / max(run.statistics.used, 1)

@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 
 # Of the scatter from day to day (the scale): white scatter beside the days' own errors, and the walk over the whole
-# record: none, and factors of two over all that a record can tell apart. Before anything is seen all are alike.
+# record: none, and factors of two over all that a record can distinguish. Before anything is seen all are alike.
 _SCATTERS = (0.0, 0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
 _WALKS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 25.6)
 ANY_WALK = np.full(len(_WALKS), 1.0 / len(_WALKS))
@@ -24,7 +24,7 @@ _LIKE_BEFORE = 10.0  # wheels that `ANY_WALK` is worth beside what a fleet's own
 _WALK_ROUNDS = 50
 _STEP_SHARE = 0.1  # of the parameter: the size of a step before it is seen [1 sigma]; chosen: failures are per cents
 _STEPS_PER_YEAR = 0.1  # before anything is seen; chosen: one in ten years of a wheel
-STEP_PROBABILITY = 0.95  # above which a step is told
+STEP_PROBABILITY = 0.95  # above which a step is reported
 _MOST_STEPS = 4
 _LEAST_BESIDE = 2  # points on either side of a step
 
@@ -73,8 +73,8 @@ class CourseFit:
 def walks_of_fleet(walks: Float64Array) -> Float64Array:
     """How probable each size of the walk is for a wheel of this fleet: (m,), from those of n wheels, (n, m).
 
-    walks: each wheel's by `ANY_WALK`. One wheel's record hardly tells whether it wanders, and the band of its rate
-    depends on it; like wheels wander alike, and all of them tell (empirical Bayes, by expectation and maximisation).
+    walks: each wheel's by `ANY_WALK`. One wheel's record hardly shows whether it wanders, and the band of its rate
+    depends on it; like wheels wander alike, and all of them show it (empirical Bayes, by expectation and maximisation).
     """
     prior = ANY_WALK
     for _ in range(_WALK_ROUNDS):

@@ -18,8 +18,8 @@ from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.fleet.executors import Done, InFlight, WorkerLostError
 
 # For scheduler and workers, which are started by others (docs/fleet.md#on-many-machines): what a Dask process does by
-# the clock, and not for a task. As it comes, a worker samples its own stack a hundred times a second, asks its event
-# loop fifty times whether it is late, and its memory ten times: 5 % of a core beside each task.
+# the clock, and not for a task. As it comes, a worker samples its own stack a hundred times a second, polls its event
+# loop fifty times for lateness, and its memory ten times: 5 % of a core beside each task.
 DASK_SETTINGS: dict[str, object] = {
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.monitor-interval": "1s",

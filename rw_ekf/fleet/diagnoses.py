@@ -1,4 +1,4 @@
-"""The diagnosed windows of a fleet: choose them, do what is not done, tell what was found; and read it back."""
+"""The diagnosed windows of a fleet: choose them, do what is not done, report what was found; and read it back."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class WindowFinding:
     wheel: str
     day: str
     log: str
-    result: str  # checksum of the result that asked, and so of the log, the model and the settings
+    result: str  # checksum of the result that called for it, and so of the log, the model and the settings
     why: str
     status: str  # `ok`, `failed: ` and why, or `not done: ` and why
     kind: str | None = None
@@ -59,12 +59,12 @@ class WindowFinding:
 
 @dataclass(eq=False, frozen=True)
 class Diagnoses(Shown):
-    """The windows of a fleet, in the order in which they ask."""
+    """The windows of a fleet, in the order of their urgency."""
 
     folder: str
     windows: tuple[WindowFinding, ...]
     computed: int
-    left_out: int  # windows that asked as well, beyond the number that was allowed
+    left_out: int  # windows that qualified as well, beyond the number that was allowed
     seconds: float
     without_results: tuple[str, ...] = ()  # wheels that were passed over: no result is of these settings
     without_model: tuple[str, ...] = ()  # wheels that start from their first log, where others are given a model
@@ -145,7 +145,7 @@ class Diagnosable:
         return tuple(wheel for wheel in self.index.wheels if self.settings.model(wheel) is None)
 
     def result(self, window: Window) -> str:
-        """The checksum of the result that asks."""
+        """The checksum of the result that calls for a diagnosis."""
         return self.planned[window.wheel, window.log].input_hash
 
     def task(self, window: Window) -> WindowTask:
@@ -163,7 +163,7 @@ class Diagnosable:
 
 
 def windows_wanted(logs: Diagnosable, wheels: Sequence[WheelTrend], most: int) -> tuple[list[Window], int]:
-    """The windows of these wheels, the worst first, at most so many, and how many more ask.
+    """The windows of these wheels, the worst first, at most so many, and how many more qualify.
 
     Raises BadInputError where no result is of these logs and settings.
     """

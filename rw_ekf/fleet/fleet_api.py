@@ -96,7 +96,7 @@ def diagnose(
     scheduler: str | None = None,
     tick: Callable[[int], object] = lambda n: None,
 ) -> Diagnoses:
-    """Diagnose the days that an alarm, the residual or a trend asks for; also written as `diagnoses.json`.
+    """Diagnose the days that an alarm, the residual or a trend calls for; also written as `diagnoses.json`.
 
     most: windows, the worst wheels' first. What else: as of `run`, whose results it needs. Raises Error.
     """

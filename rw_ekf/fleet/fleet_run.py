@@ -94,7 +94,7 @@ def _reported(entry: ManifestLine) -> dict[str, str]:
 
 @dataclass
 class _Account:
-    """The manifest while the run goes on."""
+    """The manifest while the run lasts."""
 
     path: Path
     planned: Mapping[str, PlannedLog]
@@ -122,7 +122,7 @@ def run_fleet(
     """Do what is not done, and clear away results that nothing in the fleet has any more.
 
     tick(n): n logs more are done. Raises BadInputError where the folder cannot be written, RwEkfError where the
-    executor is lost; what was written stays, and the next run goes on from it.
+    executor is lost; what was written stays, and the next run continues from it.
     """
     began_s = time.perf_counter()
     make_folder(folder.results)

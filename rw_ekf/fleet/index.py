@@ -212,7 +212,7 @@ def _fleet_log(
 
 
 def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]]:
-    """Each log once: a copy of one, of the same wheel and time, would count its readings twice. And what is said.
+    """Each log once: a copy of one, of the same wheel and time, would count its readings twice. And what is reported.
 
     The shorter name is the log's: who copies a file adds to its name.
     """
@@ -226,7 +226,7 @@ def _without_copies(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]
 
 
 def _of_one_wheel_each(logs: Sequence[FleetLog]) -> tuple[list[FleetLog], list[str]]:
-    """The logs without those that another wheel left than most of its name, by serial number. And what is said.
+    """The logs without those that another wheel left than most of its name, by serial number. And what is reported.
 
     Of as many on either side the wheel of the oldest log counts. Logs that are gone stay, and count as well.
     """

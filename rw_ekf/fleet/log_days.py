@@ -28,7 +28,7 @@ def days_of_log(log: WheelLog, begins_utc: datetime) -> list[DayOfLog]:
     """The days of a log that begins then, in their order.
 
     The log's own time is counted from its first row. Where it begins anew, in another segment, the clock of the day
-    goes on from the last row before: how long the pause was is not known.
+    continues from the last row before: how long the pause was is not known.
     """
     steps_s = np.diff(log.time_s, prepend=log.time_s[:1])
     steps_s[1:][np.diff(log.segment) != 0] = 0.0

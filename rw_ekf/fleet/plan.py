@@ -1,7 +1,7 @@
 """What has to be done: each log with the checksum of all that its result depends on.
 
 That is its own bytes, the model, configuration and column map it is read and filtered with, the version, and the
-checksum of the log before it, whose belief it goes on from. So a log that changed makes new checksums of what follows
+checksum of the log before it, whose belief it continues from. So a log that changed makes new checksums of what follows
 of its wheel, and of nothing else; and a result whose checksum is wanted has been computed from the very same.
 """
 

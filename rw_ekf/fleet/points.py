@@ -16,7 +16,7 @@ from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course
 from rw_ekf.fleet.daily import WheelDays
 
 DAYS_PER_YEAR = 365.25
-LEAST_POINTS = 5  # fewer tell no line from what scatters about it
+LEAST_POINTS = 5  # fewer show no line beside what scatters about it
 KNOWS = 0.2  # of its own size: a day that does not know a parameter so well says nothing of per cents a year
 _MOST = 64  # points of a fit, which takes the cube of them; a year of days in weeks loses nothing of a line
 _BESIDE = 5  # days on either side that say whether one is far off
@@ -56,7 +56,7 @@ def course_of(
 ) -> Course | None:
     """The course of a parameter; None where fewer than five days know it.
 
-    reference_degC: temperature that levels are told at; None: not logged. walks: see `fit_course`.
+    reference_degC: temperature at which levels are stated; None: not logged. walks: see `fit_course`.
     """
     known = known_days(days, parameter, reference_degC)
     if known is None:

@@ -12,7 +12,7 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.course_fit import CourseFit
 from rw_ekf.model.state import PARAMETER_NAMES
 
-_DRAWS = 4000  # the fifth of a hundred parts is told to a tenth of itself
+_DRAWS = 4000  # the 5 % quantile is known to a tenth of itself
 _SEED = 20_260_101  # the same fleet has the same numbers
 _LIMIT = re.compile(r"(\w+)=([+-]?)([0-9.eE+-]+)(%?)")
 
@@ -60,7 +60,7 @@ def limits_of(texts: Sequence[str]) -> dict[str, Limit]:
 
 
 def remaining(fit: CourseFit, limit: float) -> Remaining:
-    """Time from the last day on. fit: of the course; the walk goes on as it was.
+    """Time from the last day on. fit: of the course; the walk continues as it was.
 
     The first passage of a Brownian motion of rate m and size q over a distance d has an inverse Gaussian distribution,
     of mean d / |m| and shape d^2 / q^2; where it drifts away it gets there at all with exp(2 m d / q^2) (Cox and Miller

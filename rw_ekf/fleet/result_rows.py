@@ -1,7 +1,7 @@
 """A row of the results: what is known of one wheel on one day. And the files that hold them.
 
 The columns are fixed (docs/fleet.md lists them), so that any reader of Parquet takes all files as one table. What the
-next log goes on from stands in the metadata of the file, under `rw_ekf.carry`.
+next log continues from stands in the metadata of the file, under `rw_ekf.carry`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MANY_REJECTED = 0.05
 
 @dataclass(frozen=True)
 class LogResult:
-    """What a log leaves: a row for each of its days, and what the next one goes on from (None: as before it)."""
+    """What a log leaves: a row for each of its days, and what the next one continues from (None: as before it)."""
 
     rows: tuple[dict[str, Any], ...]
     carry: str  # text of a `Carry`; empty where the wheel has none yet
@@ -168,9 +168,9 @@ def own_share(
 ) -> tuple[Float64Array, Float64Array]:
     """What one log alone says, mean (n,) and covariance (n, n): the belief after it less the one before; each a pair.
 
-    A filter that goes on from the day before gives estimates that share their data, and a trend through them would be
-    told too surely. In information form a Gaussian belief is a sum, P1^-1 = P0^-1 + I and P1^-1 m1 = P0^-1 m0 + i, of
-    which I and i are the log's own. They are told as the estimate that the log would have given from the origin, whose
+    A filter that continues from the day before gives estimates that share their data, and a trend through them would be
+    too certain. In information form a Gaussian belief is a sum, P1^-1 = P0^-1 + I and P1^-1 m1 = P0^-1 m0 + i, of
+    which I and i are the log's own. They are given as the estimate that the log would have given from the origin, whose
     prior keeps apart what the log does not show.
 
     Directions in which the filter forgets faster than the log teaches have a negative difference: none of it is the

@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 
-LEAST_WHEELS = 5  # fewer have no spread that could be told from one of them being unlike
+LEAST_WHEELS = 5  # fewer have no spread that could be distinguished from one of them being unlike
 _TIMES = 10.0  # as far as an unlike wheel may lie, in usual spreads: chosen; a factor of three moves a threshold by 5 %
 _SHARES = (0.01, 0.03, 0.1)  # of wheels that are unlike; before anything is seen ...
 _SHARES_BEFORE = (0.70, 0.25, 0.05)  # ... so probable each: chosen, one wheel in fifty on average

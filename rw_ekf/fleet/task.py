@@ -45,7 +45,7 @@ class Task:
     directory: str  # of the logs
     results: str
     logs: tuple[PlannedLog, ...]
-    previous: str | None = None  # the result that the first one goes on from
+    previous: str | None = None  # the result that the first one continues from
     model: Mapping[str, Any] | None = None  # document of the model that the wheel starts from
     configuration: Mapping[str, Any] | None = None
     columns: ColumnMap | None = None
@@ -169,7 +169,7 @@ def _filtered(
             run = replay_log(day.log, setup=start.setup)
         seen = None if watched is None else watched.on(day.day)
         rows.append({"day": day.day, **row_of_day(planned.log.log, day, run, start, seen)})
-        # Through its text, as a run that goes on from the file would read it.
+        # Through its text, as a run that continues from the file would read it.
         carry = Carry.of_text(Carry(run.model, start.origin, day.ends_utc).to_text())
     assert carry is not None
     return LogResult(tuple(rows), carry.to_text())

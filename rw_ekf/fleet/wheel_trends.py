@@ -15,7 +15,7 @@ from rw_ekf.fleet.remaining import Limit, Remaining, remaining
 from rw_ekf.fleet.siblings import LEAST_WHEELS, Siblings, siblings_of
 from rw_ekf.model.state import PARAMETER_NAMES
 
-# An ageing worth a word: one per cent a year, of which twenty years make a fifth; chosen. Less is told, not accused.
+# An ageing worth a word: one per cent a year, of which twenty years make a fifth; chosen. Less is shown, not accused.
 MATERIAL_PER_YEAR = 0.01
 _FLOORS = {
     "level": 0.005,

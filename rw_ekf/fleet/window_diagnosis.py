@@ -1,7 +1,7 @@
 """What a worker does for a window: read the day of the log, diagnose it, write what was found.
 
 As with results, the name of a file has the checksum of all that it depends on, and the file that says that the window
-is done comes last; so a run that was killed goes on, and the same window done again writes the same.
+is done comes last; so a run that was killed continues, and the same window done again writes the same.
 """
 
 from __future__ import annotations

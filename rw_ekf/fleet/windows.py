@@ -1,4 +1,4 @@
-"""Which days of a fleet are worth a diagnosis, and why: where an alarm, the residual or a trend asks for one."""
+"""Which days of a fleet are worth a diagnosis, and why: where an alarm, the residual or a trend calls for one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rw_ekf.fleet.trend_findings import finding_kinds, rows_about
 from rw_ekf.fleet.wheel_trends import WheelTrend
 
 # Chance that a wheel whose residual is noise is looked at for it, over its whole record. A tenth or ten times of it
-# moves the count of days that asks by one: at 365 days it takes four (FALSE_ALARM of each).
+# moves the required count of days by one: at 365 days it takes four (FALSE_ALARM of each).
 _BY_CHANCE = 1e-3
 _SAYS = {"ages": "ages", "unlike": "stands out among its siblings"}
 
@@ -31,7 +31,7 @@ class Window:
 def windows_of(
     wheels: Sequence[WheelTrend], most: int, can_be: Callable[[Window], bool] = lambda window: True
 ) -> tuple[list[Window], int]:
-    """The windows of a fleet, at most so many, and how many more asked.
+    """The windows of a fleet, at most so many, and how many more qualified.
 
     wheels: the worst first. Each wheel's first window comes before anyone's second. can_be: of what may be diagnosed.
     """
@@ -41,7 +41,7 @@ def windows_of(
 
 
 def _of_wheel(wheel: WheelTrend) -> Iterator[Window]:
-    """What asks, one window a day, the most telling first."""
+    """What calls for a diagnosis, one window a day, the most telling first."""
     days, taken = wheel.days, set()
     for row, why in _reasons(wheel):
         if row not in taken:
@@ -50,7 +50,7 @@ def _of_wheel(wheel: WheelTrend) -> Iterator[Window]:
 
 
 def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
-    """Rows that gave a result, and why each asks; one may come more than once."""
+    """Rows that gave a result, and why each calls for a diagnosis; one may come more than once."""
     days = wheel.days
     good = np.flatnonzero(days.ok)
     if not good.size:

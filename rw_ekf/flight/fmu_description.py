@@ -98,7 +98,7 @@ def variables_of(model: PlantModel) -> list[Variable]:
 
 
 def description(model: PlantModel, identifier: str, token: str, version: Version, sources: tuple[str, ...]) -> str:
-    """modelDescription.xml. identifier: name of the library; token: that the library asks for; sources: its C."""
+    """modelDescription.xml. identifier: name of the library; token: that the library expects; sources: its C."""
     root = ET.Element("fmiModelDescription", fmiVersion=f"{version}.0", modelName=identifier)
     root.set("guid" if version == 2 else "instantiationToken", token)
     effects = ", ".join(model.effects.ids) or "none"

@@ -63,7 +63,7 @@ def libraries(
     sources: Mapping[str, str], units: Sequence[str], identifier: str, version: Version,
     wanted: Sequence[Platform] | None,
 ) -> tuple[dict[str, bytes], str | None]:  # fmt: skip
-    """Each library by its path in the FMU; and why there is none, where nobody said for what they shall be.
+    """Each library by its path in the FMU; and why there is none, where no target was given.
 
     sources: texts by their file's name; units: those that are compiled; wanted: None: for this machine, where it has a
     compiler. Raises BadInputError for a compiler that is missing or fails.

@@ -240,7 +240,7 @@ def _terms(model: PlantModel, functions: Functions) -> list[str]:
 
 
 def _formula_places(table: EffectTable) -> list[int]:
-    """Where the program of each formula begins, by which `own_formulas` tells them apart."""
+    """Where the program of each formula begins, by which `own_formulas` distinguishes them."""
     return [int(start) for start, over in zip(table.law_start, table.law_over, strict=True) if over == law.FORMULA]
 
 

@@ -70,7 +70,7 @@ class Functions:
         module = function.__module__.rpartition(".")[2]
         name = f"{module}_{function.__name__.lstrip('_')}"
         if name not in self.texts:
-            self.texts[name] = ""  # asked for from here on
+            self.texts[name] = ""  # requested from here on
             self.texts[name] = _Printer(self, function).text(name)
         return name
 

@@ -89,7 +89,7 @@ class Onboard(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """What the wheel tells at a time; NaN for what is not known."""
+    """What the wheel reports at a time; NaN for what is not known."""
 
     time_s: Clock
     speed_rad_s: float
@@ -204,7 +204,7 @@ def _gather(held: Onboard, to_s: Clock, epoch_s: Clock) -> int:
 
 
 def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float, temperature_lag_s: float) -> None:
-    """Note the conditions at a reading: as they are told, or the angle from the mean speed since the one before."""
+    """Note the conditions at a reading: as they are given, or the angle from the mean speed since the one before."""
     now = held.now
     turned = mean_speed * dt
     if math.isfinite(turned):

@@ -47,7 +47,7 @@ from rw_ekf.wheel.momentary_friction import current_for, friction_of
 from rw_ekf.wheel.pieces import effect_interval
 
 # Places in `Crossing.now`.
-_PROMISED_RAD_S = 0  # speed where the next command acts, if what was asked for is done
+_PROMISED_RAD_S = 0  # speed where the next command acts, if the request is met
 _PROMISES = 1  # 1 where there is one
 _OWED_RAD_S = 2
 _STOOD = 3
@@ -111,7 +111,7 @@ def current_by_crossing(
     crossing: Crossing, held: Onboard, constants: FilterConstants, table: EffectTable | None,
     request_rad_s2: float, period_s: float, relative: bool,
 ) -> float:  # fmt: skip
-    """The current [A] with which the wheel ends the next period with the momentum asked for: `PredictiveCrossing`.
+    """The current [A] with which the wheel ends the next period with the momentum requested: `PredictiveCrossing`.
 
     Once after every reading. 0 while the motor gain is believed not to be positive.
     """

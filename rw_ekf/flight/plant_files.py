@@ -12,7 +12,7 @@ from rw_ekf.model.friction import Stribeck
 from rw_ekf.wheel.effect_table import EffectTable
 
 # A step of a lagging current is an eighth of what is left until that is four time constants: 300 lead past the
-# smallest part of a step that a double can tell from nothing (8/7 to the power of 277 is 1e16).
+# smallest part of a step that a double can distinguish from nothing (8/7 to the power of 277 is 1e16).
 _LAG_TURNS = 320
 
 

@@ -1,4 +1,4 @@
-"""The wheel of a model as other programs simulate it: its numbers, what it needs to be told, what is not in it."""
+"""The wheel of a model as other programs simulate it: its numbers, what inputs it needs, what is not in it."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class Family:
 
     name: str  # what v is
     unit: str
-    present: float  # the v of the rates that were asked for
+    present: float  # the v of the rates that were requested
     base: tuple[WheelRate, ...]
     direction: tuple[WheelRate, ...]
 

@@ -65,8 +65,8 @@ def zero_crossing_impulse(
 
     time_s, attitude_rad: (n,), time rising, NaN attitudes are left out. A line is fitted over `before_s` before the
     crossing, a polynomial of `after_degree` over `after_s` from `lasts_s` after it (while the wheel stands the impulse
-    goes on); the rate changes from the slope at the end of the one to that at the beginning of the other. Degree 2 lets
-    the controller pull the body back meanwhile; 1 is surer, and right for a window much shorter than its time.
+    continues); the rate changes from the slope at the end of the one to that at the beginning of the other. Degree 2
+    lets the controller pull the body back meanwhile; 1 is surer, and right for a window much shorter than its time.
     The standard deviation holds white noise of the attitude and a random walk (of a gyro's integral), their shares by
     restricted maximum likelihood. Raises ValueError where a window has too few samples.
     """

@@ -48,7 +48,7 @@ def case_of(flyby: Flyby, rates_rpm: Sequence[float]) -> Case:
 def plan_document(flyby: Flyby, cases: Sequence[Case], avoid_s: float | None = None) -> dict[str, Any]:
     """Return the document of `flyby --json` (docs/contract.md#documents).
 
-    avoid_s: the time around closest approach to be kept free; None: not asked for.
+    avoid_s: the time around closest approach to be kept free; None: not requested.
     """
     return {
         "schema": SCHEMA,
@@ -146,7 +146,7 @@ def _interval_text(interval: Interval, unit: str) -> str:
 
 
 def _nearest_text(family: Family, allowed: Sequence[Interval]) -> str:
-    """Whether the rates that were asked for do, and the least change that would."""
+    """Whether the rates that were requested do, and the least change that would."""
     now = family.present
     if any(low < now < high for low, high in allowed):
         return f"holds at {now:g}"

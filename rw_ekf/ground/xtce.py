@@ -1,6 +1,6 @@
 """Packets as XTCE 1.2 (https://www.omg.org/spec/XTCE/1.2), which Yamcs and other ground systems read.
 
-Replies are containers that inherit `Reply` and are told apart by its constant; requests are commands. What surrounds a
+Replies are containers that inherit `Reply` and are identified by its constant; requests are commands. What surrounds a
 packet on the line (marks, escapes) is the concern of what reads the line: XTCE begins where they are undone.
 """
 
@@ -133,7 +133,7 @@ def _checksum(within: Element, crc: WireCrc) -> None:
 
 
 def _head_size(packets: Sequence[WirePacket]) -> int:
-    """How many items there are up to the one by whose constant packets are told apart: an address is that of all."""
+    """How many items there are up to the one by whose constant packets are distinguished: an address is that of all."""
     columns = zip(*(packet.items for packet in packets), strict=False)
     constants = [[item.constant for item in column] for column in columns]
     fixed = [index for index, column in enumerate(constants) if None not in column]

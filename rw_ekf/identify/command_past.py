@@ -1,7 +1,7 @@
 """What of a series of readings follows the command's past, whatever the machine's lag or delay, taken off.
 
 A machine that settles within a few rows, or a command that acts late, leaves in the differences of readings what looks
-like noise that goes on. It follows the command; noise does not. The answer of a machine that turns one way is nearly
+like noise that persists. It follows the command; noise does not. The answer of a machine that turns one way is nearly
 linear in the currents before: those of the last rows one by one, and means that fade over 1, 2, 4 ... 64 rows, between
 which any first-order lag lies to a thousandth.
 """
@@ -21,9 +21,9 @@ _FED_BACK = 5.0  # sigma: beyond, the command knows the noise of the reading at 
 
 
 def answer_taken_off(course: Course, values: Float64Array) -> Float64Array | None:
-    """Differences of readings (n,), NaN where one does not count, less what follows the command's past; None: not told.
+    """Differences of readings (n,), NaN where one does not count, less what follows the command's past; None: unknown.
 
-    Nothing is said in a closed loop, where the command holds the noise of the readings
+    None in a closed loop, where the command holds the noise of the readings
     before and would take it away with it: there a command goes with the noise of a reading that it comes after (Sims
     1972).
     """
@@ -36,7 +36,7 @@ def answer_taken_off(course: Course, values: Float64Array) -> Float64Array | Non
     A = np.column_stack((past, np.sign(course.speed_rad_s)))[rows]
     found = np.linalg.lstsq(A, np.column_stack((values[rows], following[rows])), rcond=1.0e-9)[0]
     left, lead = (np.column_stack((values[rows], following[rows])) - A @ found).T
-    # A command that its own past tells, as a profile's, tells nothing of a loop.
+    # A command that its own past determines, as a profile's, shows nothing of a loop.
     reported = float(lead @ lead) <= 1.0e-6 * float(following[rows] @ following[rows])
     share = 0.0 if reported else float(lead @ left) / float(np.sqrt((lead @ lead) * (left @ left)) or 1.0)
     if abs(share) > _FED_BACK / np.sqrt(rows.size):

@@ -1,9 +1,9 @@
 """A log that is not what it is taken for: one sentence with the line of the column map that mends it.
 
-Asked once of every log that is replayed, fitted or diagnosed; nothing is concluded from one that is misread. Columns
+Tested once on every log that is replayed, fitted or diagnosed; nothing is concluded from one that is misread. Columns
 that betray themselves are found in reading (`rw_ekf.logs.odd_columns`); here is what only the motion shows. Each
 mistake is a hypothesis: read in the other way, equation 7 of docs/identification.md holds over windows, with a gain and
-a friction above zero; as it stands, it does not. So nothing is asked of a log that the equation explains.
+a friction above zero; as it stands, it does not. So nothing is tested on a log that the equation explains.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Motion(NamedTuple):
 def motion_of(log: WheelLog, *, described: bool = False) -> Motion:
     """Hold the equation of motion against a log.
 
-    Units are asked of a log's size alone: a machine may have any, so that withholds nothing, and is not asked where a
+    Units are judged by a log's size alone: a machine may have any, so that withholds nothing, and is not tested where a
     configuration or a model says what machine this is (described).
     """
     held = None if log.faults else _held_against(log)
@@ -98,7 +98,7 @@ def unexplained(motion: Motion) -> tuple[str, ...]:
 
 
 def warnings_of(misread: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[str]:
-    """What a user is told of a log that is filtered or fitted all the same."""
+    """What is reported to a user of a log that is filtered or fitted all the same."""
     return [f"{MISREAD}, and no number here is a machine's: {text}" for text in misread] or list(wanted)
 
 

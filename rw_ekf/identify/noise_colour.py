@@ -1,4 +1,4 @@
-"""Whether the noise of one reading goes on into the next: the mark of a filter in the sensor or in the logger.
+"""Whether the noise of one reading carries over into the next: the mark of a filter in the sensor or in the logger.
 
 Everything else takes the readings' noises for independent. Where they are not, a wheel seems to give way and to spring
 back, as on a bristle, and every sigma is too small by the root of the readings that say the same. Differences of
@@ -8,7 +8,7 @@ readings,
 
 have the torque noise as their floor and the reading noise above it; C is 1 where readings are independent,
 (1 - a^2) / |1 - a exp(-i w)|^2 behind a low-pass of first order and |sum of exp(-i w k), k < N|^2 / N behind a mean of
-the last N readings. Which of them the spectrum has is asked of stretches in which the wheel keeps its direction, less
+the last N readings. Which of them the spectrum has is tested on stretches in which the wheel keeps its direction, less
 what the current does, by their median: a step that a model lacks is in few of them. A filter that is found must show as
 well in what does not follow the command's past: a machine that settles within a few rows and a command that acts late
 leave differences of much the same spectrum.
@@ -89,7 +89,7 @@ def _is_rounding(speed_rad_s: Float64Array, speed_noise_rad_s: float) -> bool:
 
 
 def noise_colour(course: Course, speed_noise_rad_s: float) -> NoiseColour | None:
-    """The filter that the readings' noise shows; None where they are independent, or where that cannot be told."""
+    """The filter that the readings' noise shows; None where they are independent, or where that is unknown."""
     part = course.window(0, min(course.samples, _SAMPLES))
     rough, independent = rough_parameters(part, speed_noise_rad_s), math.inf
     if rough is None:
@@ -116,7 +116,7 @@ def _spectra(
 ) -> Float64Array:
     """Power of the differences of every `stride`-th reading, (stretches, _BLOCK / 2 + 1).
 
-    answer_off: of what does not follow the command's past; no stretch where that cannot be told.
+    answer_off: of what does not follow the command's past; no stretch where that cannot be determined.
     """
     speed, usual_s = course.speed_rad_s[::stride], stride * course.period_s
     step_s = np.diff(course.time_s[::stride], prepend=np.nan)

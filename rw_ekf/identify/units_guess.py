@@ -11,7 +11,7 @@ _PER_RPM = math.pi / 30.0
 
 
 class Slip(NamedTuple):
-    """A usual mistake: what the log has in place of the true value, times so much, and how it is asked about."""
+    """A usual mistake: what the log has in place of the true value, times so much, and the question about it."""
 
     factor: float
     question: str
@@ -51,7 +51,7 @@ RIGHT = Slip(1.0, "")
 _WITHIN = math.log(2.0)  # wheels of one class differ by so much in gain and Coulomb friction,
 _VISCOUS_WITHIN = math.log(6.0)  # and in viscous friction, which depends on the lubricant's temperature
 _TWO_AT_ONCE = 0.5
-_BY_VISCOUS = 0.1  # what viscous friction counts beside the other two: short records hardly tell it
+_BY_VISCOUS = 0.1  # what viscous friction counts beside the other two: short records hardly show it
 
 
 class Slips(NamedTuple):

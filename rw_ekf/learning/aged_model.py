@@ -30,10 +30,10 @@ _KNOWN_BY = {  # effects that already answer for the temperature, where the mode
 
 
 def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
-    """What of a model holds for a run that begins now, and what had to be said about the rest.
+    """What of a model holds for a run that begins now, and what had to be reported about the rest.
 
     A spike or a drift belongs to the record it was found in; where the drift has left dry friction nobody knows. A
-    periodic torque goes on, but its phase is not known any more: sine and cosine start from zero, as uncertain as the
+    periodic torque continues, but its phase is not known any more: sine and cosine start from zero, as uncertain as the
     amplitude is large.
     """
     model = with_open_phases(model, angle_is_logged=False)

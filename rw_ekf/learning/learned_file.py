@@ -1,4 +1,4 @@
-"""What the runs of one wheel have learned, as a file from which the next run goes on: read with mistrust.
+"""What the runs of one wheel have learned, as a file from which the next run continues: read with mistrust.
 
 A model file (rw_ekf.wheel.model_file) whose `wheel` says whose it is, and whose `source` says when it was saved, from
 what start the learning began, and a checksum: the file is the daemon's own, and a number in it that somebody changed
@@ -79,7 +79,7 @@ def learned_text(model: WheelModel, started_from: str, log: str, now: datetime) 
 
 
 def out_of_bounds(model: WheelModel, start: FilterSetup) -> str | None:
-    """Say what the model has learned that is too far from where it began to be gone on from; None if nothing."""
+    """Say what the model has learned that is too far from where it began to be continued from; None if nothing."""
     began, stds = start.prior.parameters, start.prior.parameter_std
     for name, value, first, std in zip(PARAMETER_NAMES, model.parameters, began, stds, strict=True):
         factor = _GAIN_FACTOR if name == "motor_gain" else _FRICTION_FACTOR

@@ -39,7 +39,7 @@ class GivenModel:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a run starts, and what had to be said about it."""
+    """Where a run starts, and what had to be reported about it."""
 
     setup: FilterSetup
     model: WheelModel  # the same, as a replay can take it up
@@ -48,7 +48,7 @@ class Start:
     fingerprint: str  # of where the configuration starts
     document: dict[str, Any]  # for the run's document: from, file, age_s, not_used
     stated: tuple[tuple[str, str], ...] = ()  # events with their sentences
-    replaces: bool = False  # a learned file stands there that this run does not go on from
+    replaces: bool = False  # a learned file stands there that this run does not continue from
     standing: WheelModel | None = None  # what is in that file, as old as it is now, where it is of this wheel and sound
     from_prior: bool = True  # from the configuration alone: what it says before its first reading is the prior
 
@@ -126,7 +126,7 @@ def _check_gain(model: WheelModel, given: GivenModel, limit_A: float) -> None:
 
 
 def _whose(model: WheelModel, given: GivenModel, wheel: WheelTag, *, drives: bool) -> list[tuple[str, str]]:
-    """What has to be said of whose a given model is. Raises BadInputError where it must not drive this wheel."""
+    """What has to be reported of whose a given model is. Raises BadInputError where it must not drive this wheel."""
     if model.wheel is None:
         text = f"{given.file} does not say which wheel it is of: taken for this one's"
         return [("model_of_unknown_wheel", text)]
@@ -142,7 +142,7 @@ def _whose(model: WheelModel, given: GivenModel, wheel: WheelTag, *, drives: boo
 
 
 def _read(path: Path, configuration: Configuration, given: GivenModel) -> tuple[Learned | None, str | None]:
-    """What was learned, where it can be read; and why nothing goes on from it: no word where there is no file."""
+    """What was learned, where it can be read; and why nothing continues from it: no word where there is no file."""
     if not os.path.lexists(path):
         return None, None
     try:
@@ -157,7 +157,7 @@ def _read(path: Path, configuration: Configuration, given: GivenModel) -> tuple[
 
 
 def _unfit(found: Learned, wheel: WheelTag, began: str, setup: FilterSetup) -> str | None:
-    """Say why a run on this wheel cannot go on from it; None where it can."""
+    """Say why a run on this wheel cannot continue from it; None where it can."""
     if found.started_from != began:
         changed = "filter.model, filter.prior, a noise, the drift or the Stribeck curve is another than it began from"
     else:
@@ -166,7 +166,7 @@ def _unfit(found: Learned, wheel: WheelTag, began: str, setup: FilterSetup) -> s
 
 
 def _fingerprint(configuration: Configuration, model: WheelModel | None) -> str:
-    """Of everything that says where a run starts: what is learned from another start is not gone on from."""
+    """Of everything that says where a run starts: what is learned from another start is not continued."""
     section = configuration.filter.model_dump(mode="json")
     numbers = {name: section[name] for name in _OF_START}
     stribeck = [configuration.wheel.stribeck_speed_rpm, configuration.wheel.stribeck_law]

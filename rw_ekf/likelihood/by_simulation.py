@@ -1,9 +1,9 @@
 """A model's numbers by simulation: those by which it runs free nearest to the readings (output error).
 
 The likelihood takes what a model misses for torque noise, each moment's by itself. Where that is true nothing is better
-known than by it. Where it is not, where a model errs the same way each time it speeds up, say, the likelihood asks what
+known than by it. Where it is not, where a model errs the same way each time it speeds up, say, the likelihood sees what
 acts within one reading, and a bias of a percent that a free run adds up for minutes is nothing to it. Output error
-(Ljung, System Identification, 1999, eq. 7.40 with H = 1) asks for nothing but the run:
+(Ljung, System Identification, 1999, eq. 7.40 with H = 1) needs nothing but the run:
 
     minimise  sum (y_i - omega_i(p))^2,   omega(p) by the model alone, from where each stretch begins.
 
@@ -37,7 +37,7 @@ _SETTLING = 3  # smoothed paths, until one goes with the numbers
 def by_simulation(fit: Fit) -> Fit:
     """The same model with the numbers by which it runs free best; noises are the likelihood's, at those numbers.
 
-    The covariance is that of the fit, which supposes what is not so where it pays to ask this way.
+    The covariance is that of the fit, which supposes what is not so where it pays to fit this way.
     """
     return at_given_numbers(fit, _nearest(fit), fit.likelihood.covariance)
 

@@ -91,7 +91,7 @@ class Fit:
     def refitted(self, model: Model, least_gain: float = -math.inf) -> Fit:
         """Another model fitted to the same part of the record, from where this one stands; each model once.
 
-        One that has been sketched goes on from there. least_gain: see `optimum_of`; in log-likelihood over this fit.
+        One that has been sketched continues from there. least_gain: see `optimum_of`; in log-likelihood over this fit.
         """
         if model not in self._refits:
             if self._turns_with(model):
@@ -230,7 +230,7 @@ class Fit:
         """By how many standard deviations an effect is there at all; of laws, and of several tones, the least of each.
 
         A law has coefficients that the record says nothing of beside those that it knows: sqrt(v' V^-1 v) of all. Tones
-        nearer to each other than a record tells apart may be as large as they like, one against the other.
+        nearer to each other than a record resolves may be as large as they like, one against the other.
         """
         items = self.terms_of(effect_id)
         laws = [item for item in items if item.term.law is not None]
@@ -311,7 +311,7 @@ def at_standstill(fit: Fit) -> Fit:
     """The fit taken on by full steps until it stands still; as it was where it does not, or loses much by it.
 
     Near rest a trajectory that has not settled yet may make a model likelier, by a few units, than the one that the
-    model itself asks for. A fit that keeps the likeliest turn may then end away from where its steps vanish.
+    model itself leads to. A fit that keeps the likeliest turn may then end away from where its steps vanish.
     """
     linearised, model, noise, correction = fit.linearised, fit.model, fit.noise, fit.likelihood.correction
     for _ in range(_STANDSTILL_TURNS):

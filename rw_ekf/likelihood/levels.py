@@ -2,7 +2,7 @@
 
 What rounding does to a reading depends on the speed alone. Of a speed that moves through cell after cell it is as good
 as noise; of one that stays it is the same for every reading, and again whenever the wheel comes back: a thousand
-readings of a staircase tell no more of its steps than one of each does. So every level at which a wheel stays has an
+readings of a staircase show no more of its steps than one of each does. So every level at which a wheel stays has an
 unknown error e, and the model of docs/likelihood.md eq. 3-4 gets y - trajectory = delta + e + v. With delta + e for the
 speed's error that is the chain as it was, with one regressor more for each level; it is not fitted, but integrated out:
 with N (n, k) those regressors whitened, in units of their standard deviations,
@@ -61,7 +61,7 @@ class Levels:
 
 @dataclass(eq=False, frozen=True)
 class CurrentLevels:
-    """At which level the current of each interval stands, where a sensor tells these and not each row.
+    """At which level the current of each interval stands, where a sensor gives these and not each row.
 
     A level that is off by e moves the speed by k e for as long as the wheel turns: one regressor more for each, to be
     integrated out as those above are.
@@ -114,7 +114,7 @@ class Integrated:
 def _stays(speed_rad_s: Float64Array, follows: BoolArray, room_rad_s: float) -> list[tuple[int, int]]:
     """(first, end) of stretches of samples in which the speed stays within so much, each as long as it can be.
 
-    None of a speed that moves on: its error changes sign within each cell, and where it crosses tells it.
+    None of a speed that moves on: its error changes sign within each cell, and where it crosses shows it.
     """
     edges, first = [], 0
     low = high = float(speed_rad_s[0]) if speed_rad_s.size else 0.0

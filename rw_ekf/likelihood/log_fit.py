@@ -92,7 +92,7 @@ def fit_log(
     stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
     what is not known of it is in the parameters' covariance. The readings must not be all missing.
     effort: "least" fits along the readings alone, "usual" along the path of the filter with the start's parameters too,
-    and keeps the likelier, "most" goes on where the steps have not vanished yet; the noises alone can do without.
+    and keeps the likelier, "most" continues where the steps have not vanished yet; the noises alone can do without.
     """
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
@@ -134,8 +134,8 @@ def fit_log(
 def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     """Whether what a fit leaves is noise: whiteness, mean, structure at its own noises; those beside the given ones.
 
-    The first three ask whether the model is right whatever the noises are; the last whether the noises that a filter
-    was told (constants) are the record's. Kept apart because torque noise large enough explains any model.
+    The first three test whether the model is right whatever the noises are; the last whether the noises that a filter
+    was given (constants) are the record's. Kept apart because torque noise large enough explains any model.
     """
     linearised, noises = fit.fit.linearised, fit.noises
     course = linearised.record.course

@@ -39,11 +39,11 @@ class NoisePosterior:
     covariance: Float64Array  # (p, p)
     speed_noise_rad_s: float  # square root of the mean R
     speed_noise_std: float
-    acceleration_noise: float  # square root of the mean q: what a filter should be told [rad/s per sqrt(s)]
+    acceleration_noise: float  # square root of the mean q: what a filter should be given [rad/s per sqrt(s)]
     acceleration_noise_std: float
     acceleration_noise_limit: float  # 95 % of the distribution lies below
     acceleration_noise_quantiles: Float64Array  # (5,) at 0.1, 0.3 ... 0.9: of equal weight
-    acceleration_noise_seen: bool  # zero is outside 95 % of the distribution: the data ask for some
+    acceleration_noise_seen: bool  # zero is outside 95 % of the distribution: the data call for some
     log_evidence: float  # of the model on this linearised: log of the sum of L over the grid
 
 

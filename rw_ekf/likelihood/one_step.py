@@ -165,7 +165,7 @@ def _one_step_pass(
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
         between = interval_after(course, i)
-        if not follows[i + 1]:  # not looked at, but the lagging current goes on
+        if not follows[i + 1]:  # not looked at, but the lagging current continues
             _propagate(state, table, stribeck, pieces, between, False, row, ended)
             state[lag_at] = ended[lag_at]
             continue

@@ -93,7 +93,7 @@ class _Sketches:
 def over_stribeck_speeds(fit: Fit, top_speed_rad_s: float) -> list[tuple[float, Fit]]:
     """The model at each Stribeck speed that the record leaves possible, with probabilities; the fit's own comes first.
 
-    Even steps of the speed's logarithm, as fine as the record asks for, each as probable as it makes the record.
+    Even steps of the speed's logarithm, as fine as the record requires, each as probable as it makes the record.
     """
     found = [fit]
     for step in _STEPS:
@@ -107,7 +107,7 @@ def over_stribeck_speeds(fit: Fit, top_speed_rad_s: float) -> list[tuple[float, 
 
 
 def within_a_step(fit: Fit) -> list[tuple[float, Fit]]:
-    """The model at three Stribeck speeds for what the record leaves open of one that it tells to less than a step.
+    """The model at three Stribeck speeds for what the record leaves open of one that it determines to less than a step.
 
     Its logarithm is taken for normal, with the curvature that the likelihood has over the finest step to either side;
     the three are those of Gauss and Hermite. The fit alone where the likelihood does not fall.

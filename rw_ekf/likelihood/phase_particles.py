@@ -80,7 +80,7 @@ def _correct(particles: _Particles, reading: float, gain: float, half: float) ->
 
 
 def _walk(particles: _Particles, spread: float, normals: Float64Array) -> None:
-    """Let phases go on as the angle is lost."""
+    """Advance phases as the angle is lost."""
     phase, cosine, sine = particles.phase, particles.cosine, particles.sine
     for j in range(phase.size):
         step = spread * normals[j]
@@ -170,7 +170,7 @@ def _trace(turns: int, kept: Float64Array, parents: Any, knots: Float64Array, li
 class _Scratch(NamedTuple):
     """What is remembered along a chain, and room to reckon in: (m,) but for the first three."""
 
-    kept: Float64Array  # (rounds, m) phases where they may be drawn again; (0, m) where no paths are asked for
+    kept: Float64Array  # (rounds, m) phases where they may be drawn again; (0, m) where no paths are requested
     parents: Any  # (rounds, m) and whom each was drawn from
     knots: Float64Array  # (rounds,)
     order_of: Any
@@ -288,7 +288,7 @@ class Followed(NamedTuple):
 
 @dataclass(frozen=True)
 class LostAngle:
-    """What a model without a memory, and without any ripple, leaves, asked for ripples whose angle is lost slowly."""
+    """What a model without a memory, and without any ripple, leaves, tested for ripples whose angle is lost slowly."""
 
     linearised: Linearisation
     noise: Noise

@@ -155,7 +155,7 @@ def uncorrected(linearised: Linearisation, noise: Noise, prior: Belief | None = 
 def as_it_stands(linearised: Linearisation, prior: Belief | None, corrected: Likelihood) -> Likelihood:
     """Likelihood of the model without the correction that `likelihood` found, at its own best noises.
 
-    A model that is still far off asks for more torque noise than the corrected one. At the noises of that one it looks
+    A model that is still far off needs more torque noise than the corrected one. At the noises of that one it looks
     the worse the more there is to gain, so that a step in the right direction would pass for a loss.
     """
     here = value_of(linearised, corrected.noise)

@@ -1,6 +1,6 @@
 """A record's noises, and its Stribeck speed where it was not given: a fit of the part where the wheel moves most.
 
-Used without a configuration: a filter that is told too little torque noise believes itself far too much (its NIS
+Used without a configuration: a filter that is given too little torque noise believes itself far too much (its NIS
 stays at 1.0 to 1.2 meanwhile), so that the noise has to come from the record, and never as zero.
 """
 
@@ -104,7 +104,7 @@ def is_foreign(course: Course, scale: RecordScale) -> bool:
 
 def _has_enough(part: Course) -> bool:
     read = part.speed_rad_s[np.isfinite(part.speed_rad_s)]
-    return read.size >= _FEWEST and bool(np.ptp(read) > 0.0)  # one number throughout tells no noise
+    return read.size >= _FEWEST and bool(np.ptp(read) > 0.0)  # one number throughout shows no noise
 
 
 def _is_outside_band(part: Course, scale: RecordScale) -> bool:

@@ -33,7 +33,7 @@ def read_trajectory(course: Course, noise_rad_s: float) -> Trajectory:
 def smoothed_by_filter(
     course: Course, part: BoolArray, model: Model, constants: FilterConstants, noise_rad_s: float
 ) -> Trajectory:
-    """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
+    """The speed smoothed by the filter itself, its parameters frozen: near rest only a model separates stick from slip.
 
     model: without hidden states. Readings outside `part` (n,) are not looked at.
     """

@@ -1,6 +1,6 @@
 """Is there structure beside what is fitted? One joint test of what wheels usually lack.
 
-A wrong model pays in process noise, and once a filter is told of that noise its innovations look like innovations
+A wrong model pays in process noise, and once a filter is given that noise its innovations look like innovations
 should. So the question is not whether they are white, but whether a few more regressors would make the readings
 clearly likelier, each side at its own best ratio of noises (docs/likelihood.md eq. 6a). They are those of the commonest
 effects; which of them it is, `rw-ekf diagnose` has to say.
@@ -89,7 +89,7 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
 def structure(fit: Fit, wanted: Float64Array | None = None) -> Structure:
     """Test the fit of a model without friction that has a memory for what would add to it.
 
-    wanted: slopes (n, m) of each one-step prediction by what is asked for; None: by what the commonest effects add.
+    wanted: slopes (n, m) of each one-step prediction by what is to be tested; None: by what the commonest effects add.
     """
     linearised = fit.linearised
     extra = _regressors(fit) if wanted is None else wanted

@@ -18,7 +18,7 @@ from rw_ekf.wheel.effect_table import ABSENT, EffectTable
 MOST_UNITS = 2.0e10
 MOST_SECONDS = 180.0
 
-# Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
+# Shares of the whole that may be spent before a stage is begun, or continued. What comes later is worth more: a verdict
 # with fewer rivals compared is a verdict, one that was never judged on the held-out part is none.
 SEARCH = 0.5
 RIVALS = 0.65
@@ -79,7 +79,7 @@ def unlimited() -> Work:
 
 
 class Work:
-    """Counts the work of one diagnosis; stages ask it whether there is room, and note what they leave out."""
+    """Counts the work of one diagnosis; stages query it for room, and note what they leave out."""
 
     def __init__(
         self,

@@ -58,11 +58,11 @@ class AlarmWatch:
 
     @property
     def warnings(self) -> list[str]:
-        """What was said over the run, in sentences, oldest first."""
+        """What was reported over the run, in sentences, oldest first."""
         return [*self._sentences, f"{self._more} more alarms: see the log"] if self._more else list(self._sentences)
 
     def _say(self, alarm: Alarm, time_s: float) -> ActiveAlarm:
-        """Log an alarm that began, changed or ended; return it as it is told, `ended_s` among its details."""
+        """Log an alarm that began, changed or ended; return it as it is reported, `ended_s` among its details."""
         since = self._utc(alarm.since_s, time_s)
         before = self._active.get(alarm.name)
         if before is not None and before.since_s == alarm.since_s:
@@ -109,7 +109,7 @@ def _with_remaining(alarm: ActiveAlarm, drag_rad_s2: float, std_rad_s2: float) -
 def alarm_watch_of(
     configuration: Configuration, constants: FilterConstants, inertia_kg_m2: float | None, logger: Any, clock: Clock
 ) -> AlarmWatch | None:
-    """Return the watch that a configuration asks for; None where it is switched off."""
+    """Return the watch that a configuration requests; None where it is switched off."""
     section = configuration.watch
     if not section.enabled:
         return None

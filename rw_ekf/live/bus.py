@@ -2,7 +2,7 @@
 
 A wheel's run is what it is on a line of its own (`turns_of_run`), suspended behind each turn. What a wheel waits for
 outside its turns, while zero is tried again or looked for in the motion, is time for the others' turns: `_Meanwhile`.
-A wheel that does not answer costs a period one time-out (`Slot`), and of several that do not one a period is asked.
+A wheel that does not answer costs a period one time-out (`Slot`), and of several that do not one a period is polled.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _FIRST_ANSWER_S = 2.0  # as long as a wheel of its own may be silent when its port is opened
-_FIRST_ZEROES = 6  # of a wheel that falls silent: asked ahead of those that were never heard, three by a zero
+_FIRST_ZEROES = 6  # of a wheel that falls silent: polled ahead of those that were never heard, three by a zero
 _LAST_ZERO_S = 1.0  # at the end: as long as a single wheel's line is tried once more
 _WORST_LAST = (RunState.TRACKING, RunState.DEGRADED, RunState.CONNECTING, RunState.LOST, RunState.SAFE)
 
@@ -65,12 +65,12 @@ class _Member:
     live: LiveWheel | None = None
     done: bool = False
     busy: bool = False  # in a turn at this moment, which may be waiting for the others'
-    turned: bool = False  # since who watches was told last
+    turned: bool = False  # since who watches was last notified
     state: StateNow | None = None
     tries: int = 0  # while it is silent
     ending: bool = False  # its loop is over, and it stands down
     owes_zero: bool = False  # its run is over, and nobody knows whether it carries a current
-    is_unheard: bool = False  # and that was said
+    is_unheard: bool = False  # and that was reported
 
     @property
     def may_carry(self) -> bool:
@@ -79,7 +79,7 @@ class _Member:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether asking it costs a time-out, as far as is known."""
+        """Whether polling it costs a time-out, as far as is known."""
         return not self.done and (self.live is None or self.live.silent)
 
 
@@ -95,7 +95,7 @@ class Bus:
         oversight: Oversight = ALONE,
         duration_s: float | None = None,
     ) -> None:
-        """line: of these wheels, in their order. oversight: told of turns when every wheel has had one."""
+        """line: of these wheels, in their order. oversight: notified of turns when every wheel has had one."""
         self._line = line
         self._stop = stop
         self._clock = clock
@@ -133,7 +133,7 @@ class Bus:
             self._oversight.over()
 
     def _begin(self) -> None:
-        """Ask every wheel in its slot until one answers."""
+        """Poll every wheel in its slot until one answers."""
         while self._going() and not self._is_going():
             if self._wait():
                 return
@@ -142,7 +142,7 @@ class Bus:
                 raise error
 
     def _zero_all(self) -> None:
-        """Zero to every wheel, before any is watched to stand down; one that was given up for now is asked too."""
+        """Zero to every wheel, before any is watched to stand down; one that was given up for now is tried too."""
         for member in self._going():
             if member.live is not None and not member.busy:
                 member.slot.take_up()
@@ -199,7 +199,7 @@ class Bus:
         return min(free, key=lambda member: member.due_s)
 
     def _wait(self) -> bool:
-        """Wait until a wheel's turn is due; True where a stop is asked for."""
+        """Wait until a wheel's turn is due; True where a stop is requested."""
         return self._stop.wait(self._next().due_s - self._clock.monotonic(), self._clock)
 
     def _turns_until(self, time_s: float) -> None:
@@ -238,7 +238,7 @@ class Bus:
         return None
 
     def _failed(self, member: _Member, why: str) -> None:
-        """A wheel's run has ended in an error, by way of its zero: the others' go on."""
+        """A wheel's run has ended in an error, by way of its zero: the others' continue."""
         member.done, member.wheel.failure = True, why
         self._owes(member, confirmed=member.live is None or member.live.ended_at_zero)
         member.wheel.logger.error("wheel_failed", reason=why, others="go on" if self._going() else "have ended")
@@ -267,7 +267,7 @@ class Bus:
         return None
 
     def _knock(self, member: _Member) -> DriverError | None:
-        """Ask a wheel that was not heard yet; where it answers its run begins."""
+        """Poll a wheel that was not heard yet; where it answers its run begins."""
         member.due_s = member.slot.next_s()
         if self._stop.requested is not None or not self._asks(member):
             return None
@@ -320,14 +320,14 @@ class Bus:
         return max(self._duration_s - (self._clock.monotonic() - self._began_s), self._members[0].slot.period_s)
 
     def _asks(self, member: _Member) -> bool:
-        """Whether a silent wheel is asked in this period: of several one after the other."""
+        """Whether a silent wheel is polled in this period: of several one after the other."""
         if member.may_carry and 0 < member.tries < _FIRST_ZEROES:
             return True
         quiet = [other for other in self._members if other.is_quiet or other.owes_zero] or [member]
         return quiet[member.slot.number() % len(quiet)] is member
 
     def _in_silence(self, member: _Member) -> tuple[bool, bool]:
-        """Whether a silent wheel is asked for a reading, and whether zero is written to it: one of them, in turn."""
+        """Whether a silent wheel is polled for a reading, and whether zero is written to it: one of them, in turn."""
         if member.tries == 0:
             member.tries = 1  # what it did before it fell silent is in doubt: it is not put behind those never heard
         elif not self._asks(member):
@@ -338,7 +338,7 @@ class Bus:
         return reads, not reads
 
     def _turned(self) -> None:
-        """A wheel has completed a turn: when all have, who watches is told, and the worst state with it."""
+        """A wheel has completed a turn: when all have, who watches is notified, with the worst state."""
         running = [member for member in self._going() if member.run is not None and not member.ending]
         if all(member.turned for member in running):
             states = [member.state for member in running if member.state is not None]

@@ -1,4 +1,4 @@
-"""What becomes of commands: whether the wheel takes what is written, and what was not as it was asked for.
+"""What becomes of commands: whether the wheel takes what is written, and what was not as requested.
 
 A wheel takes what it neither refuses, nor leaves without an answer and unsaid by telemetry.
 """
@@ -13,7 +13,7 @@ from rw_ekf.records import IssuedCommand
 
 
 def is_refused(issued: IssuedCommand) -> bool:
-    """Whether the wheel said that it will not have a current, and, as far as is known, has not taken it."""
+    """Whether the wheel reported that it will not have a current, and, as far as is known, has not taken it."""
     reason = issued.reason
     if reason is None:
         return not issued.acknowledged
@@ -37,7 +37,7 @@ class Heeding:
             self.why, self._since_s = issued.reason or "refused", now_s
 
     def is_over(self, now_s: float) -> bool:
-        """Whether that has gone on too long."""
+        """Whether that has lasted too long."""
         return self.why is not None and now_s - self._since_s > self._longest_s
 
 
@@ -53,7 +53,7 @@ class _Train:
 
 
 class ChangedCommands:
-    """Commands that were not what was asked for, as events: one when that begins for a reason, then they are counted.
+    """Commands that were not what was requested, as events: one when that begins for a reason, then they are counted.
 
     A profile that rides on a limit, or a line that confirms nothing, changes its reason from turn to turn, for hours.
     One of these per wheel; time comes with the commands.

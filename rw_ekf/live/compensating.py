@@ -25,7 +25,7 @@ from rw_ekf.sinks.run_files import request_path
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
-Compensating = Callable[[StateNow | None], CompensationNow | None]  # what becomes of it, asked in every turn
+Compensating = Callable[[StateNow | None], CompensationNow | None]  # what becomes of it, called in every turn
 
 
 def compensated(
@@ -36,7 +36,7 @@ def compensated(
     sign: SignCheck,
     logger: Any,
 ) -> tuple[Commander | None, Compensating]:
-    """The commander with friction compensation where the configuration asks for it, and what it does at each turn.
+    """The commander with friction compensation where the configuration requests it, and what it does at each turn.
 
     sign: of the wheel; until it is confirmed nothing is compensated, because a compensation with the wrong sign drives
     the wheel by itself. Raises ConfigError where the motor gain is zero.
@@ -71,7 +71,7 @@ def compensated(
 
 
 def _request(commander: Commander, requests: RequestSocket | None, motor_gain: float) -> Request:
-    """The acceleration asked for: by torques, or by a profile's current times the gain that the run starts from."""
+    """The acceleration requested: by torques, or by a profile's current times the gain that the run starts from."""
     if requests is not None:
         return requests.request_rad_s2
     profile = commander.controller
@@ -90,7 +90,7 @@ def request_socket(configuration: Configuration, clock: Clock, logger: Any) -> I
     section = configuration.compensation
     path = request_path(configuration)
     if section.socket is None:
-        with contextlib.suppress(OSError):  # where it cannot be made, that is said of the socket
+        with contextlib.suppress(OSError):  # where it cannot be made, that is reported of the socket
             path.parent.mkdir(parents=True, exist_ok=True)
     terms = RequestTerms(configuration.wheel.inertia_kg_m2, section.stale_s, section.fade_s)
     requests = RequestSocket(path, terms, clock, logger.info)

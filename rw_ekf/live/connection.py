@@ -13,7 +13,7 @@ _REOPEN_EVERY_S = 0.2  # cheap where the name of the device is not back yet
 _LAST_TRY_S = 2.0
 _LAST_TRY_EVERY_S = 0.1
 
-Opener = Callable[[WheelDriver | None], WheelDriver]  # given the wheel that was lost, its clock and counters go on
+Opener = Callable[[WheelDriver | None], WheelDriver]  # given the wheel that was lost, its clock and counters continue
 Note = Callable[..., None]  # receives named events for the log, e.g. note("link_lost", reason="...")
 
 

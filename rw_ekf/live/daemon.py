@@ -48,7 +48,7 @@ class Task:
     protocol: WheelProtocol
     given: GivenModel
     duration_s: float | None = None
-    planned: Commander | None = None  # what is commanded, in place of what the configuration asks for
+    planned: Commander | None = None  # what is commanded, in place of what the configuration requests
 
 
 def run_daemon(
@@ -62,7 +62,7 @@ def run_daemon(
     """Attach, estimate, log, publish.
 
     Raises DriverError if the wheel cannot be reached at the start, BadInputError if the model given is of another one.
-    Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
+    Zero current is sent on every way out; `stop` ends the run in order. oversight: who is notified of completed turns.
     claim: of the port, where the caller has made it already.
     """
     from rw_ekf.attach.opening import opener
@@ -139,7 +139,7 @@ def turns_of_run(
 
 
 class _WayOut:
-    """Every way out of a run: zero to the wheel, those who watch told if the loop came to its end, sinks closed."""
+    """Every way out of a run: zero to the wheel, those who watch notified if the loop came to its end, sinks closed."""
 
     def __init__(self, live: LiveWheel, port: str, oversight: Oversight, logger: Any) -> None:
         self._live = live
@@ -218,7 +218,7 @@ def _context(
 
 
 def _lasts_s(duration_s: float | None, commander: Commander | None) -> Callable[[], float | None]:
-    """How long a run lasts as far as is known by now: what was asked for, or what is commanded if that is shorter."""
+    """How long a run lasts as far as is known by now: what was requested, or what is commanded if that is shorter."""
 
     def lasts_s() -> float | None:
         own = None if commander is None else commander.lasts_s()

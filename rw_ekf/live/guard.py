@@ -4,7 +4,7 @@ Finite, clamped, slew-limited; above the speed limit only what brakes, above the
 that is refused becomes zero or the nearest allowed current, never a kept old one. Zero is exempt from slew. What brakes
 is judged by what the speed did: a current that should, and under which the speed grew, becomes zero.
 
-Whatever telemetry says, what is written lies between zero, what was written last, and what is asked for. A zero that is
+Whatever telemetry says, what is written lies between zero, what was written last, and what is requested. A zero that is
 acknowledged is not yet one that is in force: it is read back, and seen in the motion, or else enforced by other
 registers (`stand_down`, and while nothing but zero is written).
 """
@@ -57,7 +57,7 @@ class SafetyLimits:
     speed_rad_s: float
     temperature_degC: float
     silence_s: float
-    safe_after_s: float | None = 5.0  # None: no silence is too long to go on after it
+    safe_after_s: float | None = 5.0  # None: no silence is too long to continue after it
 
     @classmethod
     def of(cls, section: LimitsSection) -> SafetyLimits:
@@ -186,9 +186,9 @@ class CurrentGuard:
         """Write what is allowed of a request made on `sample`.
 
         A current that nobody confirmed may be in force: it is written again only where telemetry will not say which one
-        is (the driver has asked, or the next sample tells). Zero is written again in any case. hold: why nothing but
-        zero may be written now, whatever is asked for. Raises DriverError when the line is lost. An unconfirmed command
-        reports the current before it, which is the one that most likely still holds.
+        is (the driver has queried, or the next sample reports it). Zero is written again in any case. hold: why nothing
+        but zero may be written now, whatever is requested. Raises DriverError when the line is lost. An unconfirmed
+        command reports the current before it, which is the one that most likely still holds.
         """
         if sample.speed_rad_s is not None:
             self._speed_rad_s = sample.speed_rad_s
@@ -248,11 +248,11 @@ class CurrentGuard:
     def stand_down(self, within_s: float = _CONFIRMED_WITHIN_S) -> bool:
         """Zero, True only if the wheel confirmed it and the readings behind it show nothing else. Never raises.
 
-        Where they do, idle mode is tried, then a reset; where telemetry tells no current, idle mode in any case, for no
-        motion tells a small current from none, and a wheel that has no such mode must slow down as its friction has it.
-        Takes 0.6 s of readings, and so much again for each way.
+        Where they do, idle mode is tried, then a reset; where telemetry reports no current, idle mode in any case, for
+        no motion distinguishes a small current from none, and a wheel that has no such mode must slow down as its
+        friction has it. Takes 0.6 s of readings, and so much again for each way.
         """
-        is_unreported = False  # it tells no current, and nothing spoke against the zero
+        is_unreported = False  # it reports no current, and nothing spoke against the zero
         try:
             for way in range(len(_WAYS)):
                 done = self.zero(within_s) if way == 0 else any(self._let_go(way) for _ in range(_TRIES))
@@ -272,7 +272,7 @@ class CurrentGuard:
         return False
 
     def _rests(self) -> bool:
-        """Whether a wheel that tells no current and has no idle mode comes to rest by its motion; else it is said."""
+        """Whether a wheel that reports no current, with no idle mode, comes to rest by its motion; else a log entry."""
         if self._is_seen() and self._sight.rests:
             return True
         unreported = (

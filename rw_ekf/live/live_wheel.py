@@ -44,7 +44,7 @@ class Place:
     in_silence: InSilence = lambda: (True, True)
     begins_s: Callable[[], float | None] = lambda: None  # when its first turn is due, by the clock; None: at once
     back_at_zero_within_s: float = 0.5  # how long zero is tried on a line that was lost and is back [s]
-    label: str = ""  # what tells it from others on one terminal
+    label: str = ""  # what distinguishes it from others on one terminal
     resumed_by: int | None = RESUME  # the signal that is a word for this wheel and no other
 
 
@@ -94,7 +94,7 @@ class LiveWheel:
         self._note = note
         self.timing = LoopTiming()
         self.judged_by(self.check)
-        self.halted: str | None = None  # why the run must not go on
+        self.halted: str | None = None  # why the run must not continue
         self.silent = False  # no telemetry for longer than limits.silence_s
         self.ended_at_zero = False  # closed, and the wheel confirmed zero
         self.due_s: float | None = None  # when the next turn begins, by the clock; None: at once
@@ -102,7 +102,7 @@ class LiveWheel:
         self._in_silence = place.in_silence
         self._time = SampleTime()
         self._heard_s, self._stale_when_heard = clock.monotonic(), 0
-        self._reported_A: float | None = None  # the last current that the log and the filter were told of
+        self._reported_A: float | None = None  # the last current that the log and the filter were given
         self._broken = False  # the line was lost since the last reading
         self._breaks = 0
         self._zeroed_after_s: float | None = None  # in silence: the zero was confirmed, so long after the tick
@@ -145,9 +145,9 @@ class LiveWheel:
         return self._connection.lost or self.silent
 
     def readings(self, lasts_s: Callable[[], float | None] = lambda: None) -> Iterator[Reading]:
-        """Readings, one per tick, until a stop is asked for or `lasts_s()` of samples have come (None: for ever).
+        """Readings, one per tick, until a stop is requested or `lasts_s()` of samples have come (None: for ever).
 
-        Time counts as the samples tell it, and by the host's clock where none come. A turn that brought nothing for a
+        Time counts as the samples give it, and by the host's clock where none come. A turn that brought nothing for a
         log has a reading without a sample.
         """
         clock = self._clock
@@ -187,7 +187,7 @@ class LiveWheel:
             self.due_s += self._period_s * int((after - self.due_s) / self._period_s)
 
     def issue(self, controller: Controller, tick: Tick) -> IssuedCommand | None:
-        """Command the wheel after a sample: what the controller asks for, through the guard."""
+        """Command the wheel after a sample: what the controller requests, through the guard."""
         self.check.estimated(tick.estimate)
         if tick.link is not LinkState.ANSWERED:
             return self._command_of_a_missed_tick()
@@ -212,7 +212,7 @@ class LiveWheel:
         return self._connection.guard.doubtful
 
     def zero_now(self) -> None:
-        """Command zero at once, without waiting for the next turn; said nowhere if the line is down."""
+        """Command zero at once, without waiting for the next turn; reported nowhere if the line is down."""
         if not self._connection.lost:
             self._connection.zero(within_s=0.0)
 

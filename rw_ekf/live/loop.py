@@ -39,8 +39,8 @@ def turns(
 
     Time is each sample's own; no clock is read here.
 
-    turned: told the state at the end of every turn, behind all sinks. compensating: what becomes of a compensation in a
-    state, asked in every turn behind the command.
+    turned: given the state at the end of every turn, behind all sinks. compensating: what becomes of a compensation in
+    a state, called in every turn behind the command.
 
     A turn without a sample is judged and shown to the sinks, with the sample and the estimate of before; there is none
     to show before the first sample.
@@ -91,7 +91,7 @@ def with_following_command(readings: Iterator[Reading]) -> Iterator[tuple[Readin
 
     Beside another controller the command of an interval is known only at its end: what a reading reports as in force
     was set after the reading before. Readings wait over ticks without a reply, except for those without a sample, which
-    are told at once. The last is dropped: nothing is known of what followed.
+    are passed on at once. The last is dropped: nothing is known of what followed.
     """
     waiting: list[Reading] = []
     for reading in readings:
@@ -108,7 +108,7 @@ def with_following_command(readings: Iterator[Reading]) -> Iterator[tuple[Readin
 
 
 def following(readings: Iterator[Reading]) -> tuple[Iterator[Reading], Issue]:
-    """Beside a lab's own controller: readings a tick late, and what says for each the command told after it."""
+    """Beside a lab's own controller: readings a tick late, and what says for each the command reported after it."""
     latest: list[IssuedCommand | None] = []
 
     def walk() -> Iterator[Reading]:

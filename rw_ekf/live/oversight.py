@@ -1,4 +1,4 @@
-"""Who watches a run from outside, and is told by every turn of the loop that has been completed."""
+"""Who watches a run from outside, and is notified of every completed turn of the loop."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Heartbeat:
         self._descriptor = descriptor
         self._orphaned: Callable[[], None] = lambda: None
         die_with_parent(signal.SIGTERM)
-        if os.getppid() != supervisor:  # it died before it could be asked
+        if os.getppid() != supervisor:  # it died before that was set up
             os.kill(os.getpid(), signal.SIGTERM)
 
     def on_orphaned(self, stop: StopSignal, logger: Any) -> None:
@@ -82,7 +82,7 @@ class Heartbeat:
         self._write(OVER)
 
     def reported(self) -> None:
-        """What went wrong has been said to the user; nothing has crashed."""
+        """What went wrong has been reported to the user; nothing has crashed."""
         self._write(REPORTED)
 
     def _write(self, byte: bytes) -> None:
@@ -138,7 +138,7 @@ class SystemdWatchdog:
 
 
 def systemd_of(environment: Mapping[str, str], clock: Clock) -> SystemdWatchdog | None:
-    """The one that an environment asks for; None where it asks for none."""
+    """The one that an environment requests; None where it requests none."""
     address = environment.get("NOTIFY_SOCKET", "")
     if not address.startswith(("/", "@")):
         return None

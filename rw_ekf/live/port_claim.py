@@ -66,7 +66,7 @@ class Claim:
         """The process that made it, where the kernel bears out every word; None otherwise.
 
         It runs since when the file says, belongs to whom the file belongs, is this program by what its interpreter
-        started, and holds the lock (which for another user's process only root is told).
+        started, and holds the lock (which for another user's process only root can see).
         """
         if self.pid is None or self.pid <= 1:
             return None

@@ -49,7 +49,7 @@ def _address_of(host: str) -> str:
 
 
 def _addresses(name: str) -> list[str]:
-    """Other names of a port on the net: by each address that its host has now; none where that cannot be told."""
+    """Other names of a port on the net: by each address that its host has now; none where that cannot be determined."""
     kind, host, number = name.partition(":")[0], *name.partition(":")[2].rpartition(":")[::2]
     if kind != "tcp" or host == "localhost":
         return []

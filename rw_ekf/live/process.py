@@ -59,11 +59,11 @@ class ProcessFacts:
 
     @property
     def starts_a_run(self) -> bool:
-        """Whether it is this program, asked to drive a wheel: whether it does, its claim says."""
+        """Whether it is this program, with a verb that drives a wheel: whether it does, its claim says."""
         return not _DRIVING_VERBS.isdisjoint(self.arguments) and self.is_ours
 
     def _entry(self) -> tuple[str, tuple[str, ...]]:
-        """How an interpreter was told what to start ("-m", "-c", or "" for a script), and the words from that on."""
+        """How an interpreter was given what to start ("-m", "-c", or "" for a script), and the words from that on."""
         at = 1
         while at < len(self.arguments) and self.arguments[at].startswith("-"):
             word = self.arguments[at]
@@ -110,7 +110,7 @@ def user_name(uid: int) -> str:
 
 
 def holds_lock(pid: int, file: os.stat_result) -> bool | None:
-    """Whether the process has that very file open, locked by flock; None where the kernel does not tell us.
+    """Whether the process has that very file open, locked by flock; None where the kernel does not show it.
 
     A lock belongs to an open file: fdinfo says so for each, and who took it, also where device numbers are made up.
     """
@@ -137,7 +137,7 @@ def holds_lock(pid: int, file: os.stat_result) -> bool | None:
 
 
 def open_files(pid: int) -> Iterator[tuple[str, str]]:
-    """Every file that a process has open, as (a path that opens it, its name); none where the kernel does not tell."""
+    """Every file that a process has open, as (a path that opens it, its name); none where the kernel shows none."""
     folder = f"{_PROC}/{pid}/fd"
     try:
         numbers = os.listdir(folder)
@@ -150,7 +150,7 @@ def open_files(pid: int) -> Iterator[tuple[str, str]]:
 
 
 def has_open(pid: int, device: str) -> bool:
-    """Whether the process has the device open; False also where the kernel does not tell us."""
+    """Whether the process has the device open; False also where the kernel does not show it."""
     return any(name.removesuffix(DELETED) == device for _, name in open_files(pid))
 
 
@@ -160,7 +160,7 @@ def other_processes() -> list[int]:
 
 
 def processes_with(device: str) -> list[int]:
-    """Numbers of all other processes that have the device open, as far as the kernel tells us."""
+    """Numbers of all other processes that have the device open, as far as the kernel shows."""
     return [pid for pid in other_processes() if has_open(pid, device)]
 
 

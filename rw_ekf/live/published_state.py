@@ -144,7 +144,7 @@ def _over_in_safe(path: Path) -> dict[str, Any] | None:
 def safe_before(paths: Sequence[Path]) -> list[str | None]:
     """Why each wheel of a line is to begin in SAFE, where the daemon that left these state files died; None: it is not.
 
-    In SAFE then, or its run had ended while the daemon went on for the others: halted, say, because another wheel
+    In SAFE then, or its run had ended while the daemon continued for the others: halted, say, because another wheel
     answered. Such a run does not begin again by itself.
     """
     found = [read_published(path) for path in paths]

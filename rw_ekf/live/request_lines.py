@@ -36,7 +36,7 @@ class LineBuffer:
 
 
 def torque_of(line: bytes) -> float:
-    """The torque [N m] that a line asks for. Raises ValueError, one sentence, where it asks for none."""
+    """The torque [N m] that a line requests. Raises ValueError, one sentence, where it requests none."""
     if len(line) > MOST_LINE_BYTES:
         raise ValueError(f"a line of {len(line)} bytes is no request: {MOST_LINE_BYTES} at most")
     try:
@@ -50,7 +50,7 @@ def torque_of(line: bytes) -> float:
 
 
 def newest_torque(lines: list[bytes]) -> tuple[float | None, list[str]]:
-    """The torque [N m] of the newest line that asks for one, None where none does; what was wrong with newer ones."""
+    """The torque [N m] of the newest line that requests one, None where none does; what was wrong with newer ones."""
     wrong: list[str] = []
     for line in reversed(lines):
         if not line.strip():
@@ -63,12 +63,12 @@ def newest_torque(lines: list[bytes]) -> tuple[float | None, list[str]]:
 
 
 def line_of(answer: Mapping[str, Any]) -> bytes:
-    """A line that tells of a turn; what is not a number is null."""
+    """A line that reports a turn; what is not a number is null."""
     return json.dumps(finite(answer), allow_nan=False).encode() + b"\n"
 
 
 class FadingRequest:
-    """The last request, for as long as it is fresh; then it fades to zero, because whoever asked has gone."""
+    """The last request, for as long as it is fresh; then it fades to zero, because the requester has gone."""
 
     def __init__(self, stale_s: float, fade_s: float) -> None:
         self._stale_s = stale_s

@@ -1,8 +1,8 @@
 """The Unix domain socket that a controller's torque request comes in by: one client, never waited for.
 
 Everything is non-blocking and bounded by turn: connections taken, bytes read, lines looked at, one line sent. Only the
-newest request of a turn counts. A client that asks for nothing for `stale_s` gives way to the next one; one that does
-ask is not thrown out, because two controllers on one wheel are worse than one that must be ended first.
+newest request of a turn counts. A client that requests nothing for `stale_s` gives way to the next one; one that does
+request is not thrown out, because two controllers on one wheel are worse than one that must be ended first.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class RequestSocket:
         self._inode = os.stat(path).st_ino
 
     def request_rad_s2(self, tick: Tick) -> float:
-        """The wheel's acceleration [rad/s^2] that is asked for at this turn."""
+        """The wheel's acceleration [rad/s^2] that is requested at this turn."""
         self._look()
         self._wanted = True
         self._taken_Nm = self._request.at(self._clock.monotonic())

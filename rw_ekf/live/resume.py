@@ -1,4 +1,4 @@
-"""A person's word to a daemon that holds zero: resume. Told by a signal, confirmed by what the daemon publishes.
+"""A person's word to a daemon that holds zero: resume. Sent by a signal, confirmed by what the daemon publishes.
 
 Which signal, the run of each wheel publishes: on a line of several nobody but the wheel that was named may hear it.
 """
@@ -44,7 +44,7 @@ class Resumed:
 def resume_daemon(configuration: Configuration, *, of_line: bool) -> Resumed | None:
     """Tell the daemon of a configuration's port to let this wheel leave SAFE, and wait; None where none is running.
 
-    of_line: it has other wheels, so that nothing is told where it is not known which word is for this one. Raises
+    of_line: it has other wheels, so that nothing is sent where it is not known which word is for this one. Raises
     DriverError where the daemon is another user's.
     """
     clock = SystemClock()

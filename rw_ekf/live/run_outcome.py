@@ -41,7 +41,7 @@ class RunOutcome:
     lost: bool  # the link was down, or the wheel silent, at the end
     zero_confirmed: bool
     state: StateNow  # at the end
-    alarms: tuple[str, ...] = ()  # what the watch said, in sentences, oldest first
+    alarms: tuple[str, ...] = ()  # what the watch reported, in sentences, oldest first
     findings: tuple[str, ...] = ()  # what the wheel, its line or its wire map did, in sentences, oldest first
     halted: str | None = None  # why the run ended before its time, where the wheel must not be driven on
     unwritten: Unwritten = field(default_factory=Unwritten)
@@ -70,7 +70,7 @@ def outcome_of(
     *,
     zero_confirmed: bool,
 ) -> RunOutcome:
-    """Sum a run up that has ended in order, and leave the model it ended with. stopped_by: who asked for the end."""
+    """Sum a run up that has ended in order, and leave the model it ended with. stopped_by: who requested the end."""
     belief = Belief(estimator.mean, estimator.covariance)
     run.statistics.points = estimator.points
     watches.find_negative_gain(belief)

@@ -38,7 +38,7 @@ class Turn:
 
 
 class RunStates:
-    """The state of one run; every change is told with its reason."""
+    """The state of one run; every change is reported with its reason."""
 
     def __init__(self, clock: Clock, note: Note, *, latches: bool = True) -> None:
         """latches: whether there is a SAFE: a run that never writes has nothing to hold back; its danger is trouble."""

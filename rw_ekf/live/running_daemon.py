@@ -1,4 +1,4 @@
-"""The daemon that drives a wheel, found and signalled from outside: ended, or told to resume; never another process."""
+"""The daemon that drives a wheel, found and signalled from outside: ended, or made to resume; never another process."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def confirming(
 def _say(
     move: ConfirmingMove, watch: SignWatch, limits: SafetyLimits, latch: Callable[[str], None], logger: Any, place: str
 ) -> None:
-    """Say how the move ended where the watch over the sign has not said it: right, wrong and odd are its own words.
+    """Report how the move ended where the watch over the sign has not: right, wrong and odd are its own words.
 
     A wheel that was not seen to move where it should have, or not as currents move one, is not driven.
     """

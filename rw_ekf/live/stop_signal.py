@@ -58,13 +58,13 @@ class StopSignal:
             self._resume[number]()
 
     def request(self, why: str) -> None:
-        """Ask for the stop from within the program."""
+        """Request the stop from within the program."""
         self.requested = self.requested or why
         with contextlib.suppress(BlockingIOError, OSError):
             os.write(self._writer, b"!")
 
     def wait(self, seconds: float, clock: Clock) -> bool:
-        """Sleep up to `seconds` of the clock; True as soon as a stop was asked for."""
+        """Sleep up to `seconds` of the clock; True as soon as a stop was requested."""
         if self.requested is None and seconds > 0.0:
             clock.sleep(seconds, self._reader)
         return self.requested is not None

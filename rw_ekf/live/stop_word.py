@@ -28,7 +28,7 @@ _MOST_BYTES = 65_536
 def leave_word(port: str) -> None:
     """Tell every run that is starting now, on this port if it is its own, not to begin. Never raises.
 
-    One file of each user: the newest stop takes along what earlier ones said, while those processes live.
+    One file of each user: the newest stop takes along what earlier ones hold, while those processes live.
     """
     facts = [facts_of(pid) for pid in other_processes()]
     starting = [[f.pid, f.start_ticks] for f in facts if f is not None and f.starts_a_run]

@@ -69,7 +69,7 @@ class Birth(NamedTuple):
 
 @dataclass
 class _Child:
-    """One child, and what it has said so far."""
+    """One child, and what it has reported so far."""
 
     handle: ProcessHandle
     beats: int  # the reading end of its pipe
@@ -81,7 +81,7 @@ class _Child:
     code: int = 0  # as os.waitstatus_to_exitcode has it
 
     def listen(self) -> None:
-        """Take what it has said."""
+        """Take what it has reported."""
         while True:
             try:
                 stated = os.read(self.beats, 4096)
@@ -295,7 +295,7 @@ class Supervisor:
             return False
 
     def _pause(self, seconds: float, *, zeroed: bool) -> bool:
-        """Wait before the next start, unless a stop is asked for; try on to write zero. Whether it was confirmed."""
+        """Wait before the next start, unless a stop is requested; try on to write zero. Whether it was confirmed."""
         end_s = self.clock.monotonic() + seconds
         while (left_s := end_s - self.clock.monotonic()) > 0.0:
             self.clock.sleep(min(left_s, _ZERO_EVERY_S), self._signals.fileno())

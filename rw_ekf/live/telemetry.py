@@ -1,6 +1,6 @@
 """What a reading is worth before anybody believes it: what the wheel says of itself, who answers, is it stuck.
 
-No clock is read here, and nothing is written: the live loop asks, and the guard holds zero while `hold` says why.
+No clock is read here, and nothing is written: the live loop calls this, and the guard holds zero while `hold` says why.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ IDENTITY_UNKNOWN = "identity_unknown"
 
 
 class TelemetryCheck:
-    """Judges every reading of one run, tells events as they come, and keeps what the run's document must say."""
+    """Judges every reading of one run, reports events as they come, and keeps what the run's document must say."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class TelemetryCheck:
         """Return the sample as it may be used, and whether readings have just come back to life.
 
         A reading that the model shows to be no measurement loses its speed. identity: who answers now; None: the driver
-        is still asking.
+        is still querying.
         """
         restarted = sample.news is not None and sample.news[0] == "wheel_restarted"
         self._restarts.append(restarted)

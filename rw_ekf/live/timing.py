@@ -26,7 +26,7 @@ class SampleTime:
         if self.last is None or self._began is None:
             return None
         first, first_tick_s = self._began
-        rate = 1.0  # of the wheel's clock against the host's, once there is enough to tell
+        rate = 1.0  # of the wheel's clock against the host's, once there is enough to determine it
         if self._last_tick_s - first_tick_s >= _RATE_AFTER_S:
             rate = (self.last.time_s - first.time_s) / (self._last_tick_s - first_tick_s)
         return WheelSample(self.last.time_s + (tick_s - self._last_tick_s) * rate, None, segment=self.last.segment)

@@ -1,13 +1,13 @@
 """Whether a zero that was written is in force: read back, measured, and seen in the motion; not acknowledged alone.
 
-Where telemetry tells neither a command nor a current, the motion is all there is: a wheel that turns must slow down,
+Where telemetry reports neither a command nor a current, the motion is all there is: a wheel that turns must slow down,
 and, where its friction is known, as its friction slows it,
 
     a_left = R(v) - d,    sd^2 = sd(R)^2 + sd(d)^2                                                              (1)
 
 with the deceleration d of the readings and what was believed of the friction before the zero. Beyond three sd of it
 something else turns or brakes the wheel. Within, it is zero as far as it matters where a_left + 2 sd is less than what
-breaks the wheel loose: what may be left lets it come to rest. Else the motion does not tell.
+breaks the wheel loose: what may be left lets it come to rest. Else the motion does not decide.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class ZeroSight:
 
     @property
     def is_open(self) -> bool:
-        """Whether the motion alone could tell a zero, the wheel turns, and does not tell it yet."""
+        """Whether the motion alone could show a zero, the wheel turns, and does not show it yet."""
         left = self._left()
         if left is None or left.is_reported:
             return False
@@ -121,7 +121,7 @@ class ZeroSight:
 
     @property
     def is_unreported(self) -> bool:
-        """Whether telemetry tells neither a command nor a current."""
+        """Whether telemetry reports neither a command nor a current."""
         return not self._reported and not self._measured
 
     @property
@@ -132,7 +132,7 @@ class ZeroSight:
 
     @property
     def goes_on(self) -> str | None:
-        """That it went on as fast for all of COURSE, or not as its friction has it, in words; None: not known to."""
+        """That it continued as fast for all of COURSE, or not as its friction has it, in words; None: not known to."""
         left = self._left()
         if left is None:
             return None
@@ -141,7 +141,7 @@ class ZeroSight:
         return left.against
 
     def _left(self) -> _Left | None:
-        """Eq. 1; None where telemetry tells a current, or the wheel may be at rest, or too little is known yet."""
+        """Eq. 1; None where telemetry reports a current, or the wheel may be at rest, or too little is known yet."""
         half, course = len(self._course) // 2, list(self._course)
         turns = len(self._speeds) == _AGAINST and min(self._speeds) > self._growth
         if not self.is_unreported or half == 0 or self._step == 0.0 or not turns:
@@ -154,7 +154,7 @@ class ZeroSight:
         noise = max(self._step, math.sqrt(sum(one * one for one in off) / len(course)))
         slows_std = noise * math.sqrt(2.0 / half) / (late_s - early_s)
         friction, rest = self._slowing(0.5 * (fast + slow)), self._slowing(0.0)
-        if friction is None or rest is None or rest[0] < _MAY * (rest[1] + friction[1]):  # no motion could tell it
+        if friction is None or rest is None or rest[0] < _MAY * (rest[1] + friction[1]):  # no motion could show it
             return _Left(slows, slows_std)
         return _Left(slows, slows_std, *friction, rest[0] - _MAY * rest[1])
 

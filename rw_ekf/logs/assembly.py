@@ -1,4 +1,4 @@
-"""From the columns of a table to a log: the rules for rows, told of a whole log, or of one that comes in parts."""
+"""From the columns of a table to a log: the rules for rows, of a whole log, or of one that comes in parts."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class RowTally:
     first_skipped: str = ""  # its place
     clock: str | None = None  # the sentence on one that was set back
     leading: int = 0  # rows before the first current of their segment
-    held: int = 0  # rows without a current, which go on with the one before
+    held: int = 0  # rows without a current, which continue with the one before
 
     def skipped_rows(self, path: str) -> list[str]:
         """A sentence on the rows that were skipped, if any. Raises LogError if they are too many to be an accident."""
@@ -169,7 +169,7 @@ class Assembly:
         return log, begin, Rows.last_of(log, {**values, name: current_A}, keep_s)
 
     def _rows_to_keep(self, table: RawTable, mapped: MappedColumns, segment: Int64Array) -> BoolArray:
-        """Rows (n,) that go on from the one before, or say something new."""
+        """Rows (n,) that continue the one before, or say something new."""
         time_s, tally = mapped.values["time_s"], self.tally
         new = np.ones(table.rows, dtype=np.bool_)
         if self._columns.repeats == "drop":

@@ -33,12 +33,12 @@ _KIND_OF = {word: kind for kind, words in _KINDS.items() for word in words}
 
 
 def kind_of(word: str) -> str:
-    """What is said of a channel by a word, as one of the fields of `Channel`; empty for anything else."""
+    """What a word states of a channel, as one of the fields of `Channel`; empty for anything else."""
     return _KIND_OF.get(re.sub(r"[\W_]", "", word.lower()).removesuffix("s"), "")
 
 
 class Channel(NamedTuple):
-    """What is said of one column."""
+    """What is stated of one column."""
 
     name: str
     unit: str

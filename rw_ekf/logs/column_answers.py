@@ -84,7 +84,7 @@ class Answers:
         return {**entry, **self.more.get(name, {})}
 
     def add_certain(self, guess: Guess) -> None:
-        """Give what was set for columns that nothing asked for."""
+        """Give what was set for columns about which there was no question."""
         known = {line.name for line in guess.lines} | {question.name for question in guess.questions}
         for name, column in self.columns.items():
             taken = any(other == name or (name.startswith("speed_") and other.startswith("speed_")) for other in known)

@@ -26,7 +26,7 @@ _INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several
 def unread(column: Column) -> str:
     """What stands in brackets in a name and is no unit, word or index: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`.
 
-    The last unit in brackets is the column's: one before it that measures something else is asked about.
+    The last unit in brackets is the column's: one before it that measures something else becomes a question.
     """
     stated, name = column.stated.unit, column.bare_name or column.name
     for text in BRACKETED.findall(_INDEX.sub("", name)):

@@ -92,14 +92,14 @@ class Clock:
     time_s: Float64Array  # (n,)
     unit: str = ""  # as a map has it; empty: seconds, or stamps
     why: str = ""
-    asks: tuple[str, ...] = ()  # units that it may have, where that cannot be told
+    asks: tuple[str, ...] = ()  # units that it may have, where that cannot be determined
     wrap: float | None = None
     restarts: bool = False
     repeats: str = ""
     again: float = 0.0  # share of the rows that have the stamp of the row before, where they are many
     rank: int = 0
     is_clock: bool = True
-    odd: str = ""  # what is asked of it, as a clause
+    odd: str = ""  # the question about it, as a clause
     concluded: bool = False  # the unit is, from the steps
     scale: float = 1.0  # how many of the unit a stamp counts in
     notes: list[str] = field(default_factory=list)
@@ -144,7 +144,7 @@ def clock_of(
 
 
 def no_clock(shown: str, values: Float64Array, stated: Stated) -> str:
-    """Why a column (n,) that is called a time is none, with its numbers; empty where it cannot be said."""
+    """Why a column (n,) that is called a time is none, with its numbers; empty where it cannot be determined."""
     known = values[np.isfinite(values)]
     if known.size < 3 or float(np.ptp(known)) == 0.0:
         return f"{shown} never changes" if known.size else ""

@@ -11,7 +11,7 @@ from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import is_even, usual_step
 
-_SAME = 0.03  # relative: an interval that is said, and the step of the clock, are the same
+_SAME = 0.03  # relative: an interval that is stated, and the step of the clock, are the same
 _EVEN = 0.1  # of a step: where rows come as evenly, their interval is one
 _TIMED = r"(\d+(?:[.,]\d+)?)[ _]?([mu]?s)(?![a-z])"
 _A_ROW = r"(?:row|sample|print\w*|record|message|reading|loop|interval|update|poll|zeile|abtast\w*|intervall)"
@@ -44,7 +44,7 @@ _PER_TURN = tuple(
 
 
 def is_since_last(column: Column) -> bool:
-    """Whether each row has the counts of its own interval alone, by what is said of the column."""
+    """Whether each row has the counts of its own interval alone, by what is stated of the column."""
     return any(SINCE_LAST.search(text.replace("_", " ")) is not None for text in (column.name, column.remark))
 
 

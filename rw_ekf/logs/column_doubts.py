@@ -24,7 +24,7 @@ from rw_ekf.logs.column_units import size_of_count, unit_of
 from rw_ekf.logs.column_words import WORDS
 from rw_ekf.logs.raw_table import RawTable
 
-_TWICE = 0.3  # of the rows have the time of the row before, where several wheels are told of at each
+_TWICE = 0.3  # of the rows have the time of the row before, where several wheels are reported at each
 _MOST_WHEELS = 16  # in one file
 _ELECTRICAL = ("elec", "elek", "elect", "el", "we", "ne", "omegae", "thetae", "phie")
 _ELECTRIC = ("electri", "elektri", "elettri")  # so begins the word in most languages
@@ -66,7 +66,7 @@ _IDS = frozenset((
     "wheelid", "motorid", "rwid", "instance", "canid", "can", "dut", "bearing", "specimen", "esc",
 ))  # fmt: skip
 _BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
-_INDEXED = re.compile(r"\[\d{1,3}\]$")  # motor[2], one of several, and what tells none apart
+_INDEXED = re.compile(r"\[\d{1,3}\]$")  # motor[2], one of several, and what distinguishes none
 _INSTANCE = re.compile(
     r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda|rpm|speed|omega|torque|current|cur|drive|esc|joint|servo)[\W_]?"
     r"(?P<which>\d{1,2}|[A-D]|[xyz])(?![A-Za-z0-9])|(?<![A-Za-z])m(?P<motor>\d{1,2})(?![A-Za-z0-9])|"
@@ -83,7 +83,7 @@ class _Taken(NamedTuple):
 
 
 def ask_what_is_open(table: RawTable, columns: Sequence[Column], reported: Answers, guess: Guess) -> None:
-    """Add the questions to a guess that has none yet; what was answered with `--set` is asked no more."""
+    """Add the questions to a guess that has none yet; what was answered with `--set` is no longer asked."""
     for text in table.doubts:
         guess.ask("layout", f"{text} Mend the file, or write a map by hand.")
     _ask_which_wheel(table, columns, guess)
@@ -275,7 +275,7 @@ def _contradicting_unit(column: Column, table: RawTable) -> str:
 
 
 def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -> None:
-    """Ask where a column tells several wheels apart: by its name, or because rows of one time differ in it."""
+    """Ask where a column distinguishes several wheels: by its name, or because rows of one time differ in it."""
     times = {_key(line) for line in guess.lines if line.name == "time_s"}
     clock = next((column for column in columns if column.key in times), None)
     twice = np.zeros(0, dtype=np.bool_) if clock is None else np.diff(clock.values) == 0.0
@@ -293,7 +293,7 @@ def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -
 
 
 def _is_measured(text: str) -> bool:
-    """Whether a cell is a number with decimals, which tells no wheel from another."""
+    """Whether a cell is a number with decimals, which distinguishes no wheel from another."""
     try:
         return not float(text).is_integer()
     except ValueError:

@@ -1,4 +1,4 @@
-"""What the columns of a foreign log are, as far as names, units and numbers say; what they leave open is asked.
+"""What the columns of a foreign log are, as far as names, units and numbers say; what stays open becomes a question.
 
 A guess is made only where nothing else fits. Names say which column is what (`column_names`), a unit says how large one
 of it is, the numbers say whether a column can be that (a time rises, an angle begins anew after a turn). Two columns
@@ -82,7 +82,7 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None, given:
 
 
 def _newest_first(columns: list[Column]) -> bool:
-    """Whether all times fall from row to row, as in what a web page exports; what counts down the motion tells."""
+    """Whether all times fall from row to row, as in what a web page exports; what counts down the motion shows."""
     clocks = [c for c in columns if c.role == "time" and not c.stated.has("countdown")]
     times = [c.values for c in clocks if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
     return bool(times) and all(values[-1] < values[0] and np.mean(np.diff(values) > 0.0) < _UPWARD for values in times)
@@ -113,7 +113,7 @@ def _find_further(
 def _of_another(angle: Column, speed: Column | None, time_s: Float64Array | None) -> float | None:
     """How many times as fast as a speed an angle turns that begins anew nowhere; None where it may be the speed's.
 
-    By a factor that a mistaken unit has, the motion tells what is mistaken (`rw_ekf.identify.misread`).
+    By a factor that a mistaken unit has, the motion shows what is mistaken (`rw_ekf.identify.misread`).
     """
     unit = None if speed is None else speed.stated.unit
     if speed is None or unit is None or unit.per or angle.stated.unit is None:

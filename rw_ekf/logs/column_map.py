@@ -10,7 +10,7 @@
     restarts: true                                        a segment begins wherever time falls back to its beginning
     repeats: drop                                         rows that repeat the one before; `spread`: coarse stamps
     variable: data    layout: cells                       what to take from a MATLAB file; a sheet, a group, a topic
-    only: {column: wheel, value: 2}                       rows of one wheel, where a column tells several apart
+    only: {column: wheel, value: 2}                       rows of one wheel, where a column distinguishes several
     dbc: wheel.dbc                                        what the frames of a CAN log mean; relative to the map
 
 `column: v` may be shortened to its name alone. The value is scale * column + offset. `unit: mA` takes the numbers
@@ -59,7 +59,7 @@ class Source:
 
 @dataclass(frozen=True)
 class CsvLayout:
-    """How the text is laid out, as far as it was told; None: found out, if it is not as this program writes it.
+    """How the text is laid out, as far as it was given; None: found out, if it is not as this program writes it.
 
     `header` None: there is one unless the first row holds numbers only.
     """
@@ -93,7 +93,7 @@ class ColumnMap:
     layout: MatlabLayout = "columns"
     dbc: str | None = None  # path
     only: tuple[str | int, str] | None = None  # a column, and which of its values
-    wheel: str | None = None  # of several, by name or number, however the file tells them apart; in no map's file
+    wheel: str | None = None  # of several, by name or number, however the file distinguishes them; in no map's file
     guessed: bool = False  # by nobody but the names, units and numbers of the file
 
     def options(self) -> dict[str, object]:
@@ -115,7 +115,7 @@ _NO_OPTIONS = ("path", "sources", "csv", "wheel", "guessed")
 
 
 def as_written(value: object) -> str:
-    """A value as a map has it: `1000`, not `1000.0`; a name in quotes where YAML asks for them."""
+    """A value as a map has it: `1000`, not `1000.0`; a name in quotes where YAML requires them."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):

@@ -146,7 +146,7 @@ def _unit_fits(entry: _Entry, name: str) -> None:
 
 
 class _Only(Section):
-    """Rows of one wheel, where a column tells several apart."""
+    """Rows of one wheel, where a column distinguishes several."""
 
     column: Annotated[str | int, PlainValidator(_a_column)]
     value: str | int | float = Key(description="what it has in the rows that are taken")

@@ -85,7 +85,7 @@ class Stated(NamedTuple):
         if stated.unit is None and (spoken := stated_by(remark)).unit is not None:
             stated = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
         more = stated_by(remark).words
-        if role_of(self._replace(unit=None)) != "other":  # then only what tells it from others of its role
+        if role_of(self._replace(unit=None)) != "other":  # then only what distinguishes it from others of its role
             more &= (WORDS["supply"] | WORDS["machine"] | WORDS["set"] | WORDS["derived"]) - _OF_PROSE
         return stated._replace(words=stated.words | more)
 
@@ -291,7 +291,7 @@ _IN_ORDER: tuple[Role, ...] = ("share", "torque", "force", "current", "speed", "
 
 
 def _by_words(stated: Stated) -> Role:
-    """What the words say, those first that are never said of anything else."""
+    """What the words say, those first that never describe anything else."""
     for role in ("temperature", "pressure"):
         if stated.has(role):
             return role

@@ -1,6 +1,6 @@
 """What lines above a table, remarks and attributes say against taking its numbers as they stand.
 
-Prose is not understood, only heard: a line that has one of these words is quoted, and asked about. What it says is done
+Prose is not understood, only heard: a line that has one of these words is quoted in a question. What it says is done
 already, or is not so ("no gear", "1:1", "applied"), hints at nothing.
 """
 
@@ -24,7 +24,7 @@ _SETTLED = re.compile(
 
 
 class _Hint(NamedTuple):
-    """Words that hint at something, of which column, and what is asked."""
+    """Words that hint at something, of which column, and the question."""
 
     of: tuple[str, ...]  # how the log calls it begins so
     words: re.Pattern[str]
@@ -97,7 +97,7 @@ def hint_about(line: Line, column: Column | None, table: RawTable, words: Sequen
     if line.name == "time_s":
         of_time = (text for text in table.preamble if stated_by(text).says_time or " row" in text)
         return _quoted(_TIME_UNIT, of_time, "what are the steps of the time?") if line.assumed else ""
-    counted = column.stated.unit is not None and bool(column.stated.unit.per)  # by what was found or asked already
+    counted = column.stated.unit is not None and bool(column.stated.unit.per)  # by what was found or answered already
     hints = [hint for hint in (_HINTS[1:] if counted else _HINTS) if line.name.startswith(hint.of)]
     lines = (*table.preamble, *words)
     naming = [text for text in lines if _names(text, column)] if hints else []

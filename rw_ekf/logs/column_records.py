@@ -76,7 +76,7 @@ class Guess:
 
     @property
     def says_units(self) -> bool:
-        """Whether the file itself, or who was asked, says the unit of all that is taken from it."""
+        """Whether the file itself, or who was asked, states the unit of all that is taken from it."""
         return not any(line.assumed for line in self.lines)
 
     def take(self, name: str, entry: dict[str, object], why: str, *, assumed: bool = False) -> None:
@@ -300,7 +300,7 @@ def _without_terms(columns: list[Column]) -> list[Column]:
 def stated_in_columns(table: RawTable) -> tuple[dict[str, str], dict[str, Factor]]:
     """Units and factors that a column beside another has: `speed_unit`, `speed_scale`.
 
-    A factor is no number where it changes, or where the other's name has a unit too (`speed_rpm`): it is asked about.
+    A factor is no number where it changes, or where the other's name has a unit too (`speed_rpm`): that is asked about.
     """
     units: dict[str, str] = {}
     factors: dict[str, Factor] = {}
@@ -346,9 +346,9 @@ def best_of(candidates: Sequence[Column]) -> list[Column]:
 def chosen(
     candidates: Sequence[Column], what: str, name: str, guess: Guess, line_of: Callable[[Column], Line | None]
 ) -> Column | None:
-    """The one that fits best; a question where two fit as well. None where there is none, or it is asked.
+    """The one that fits best; a question where two fit as well. None where there is none, or it becomes a question.
 
-    line_of: the line of one of them, None where its unit is asked next.
+    line_of: the line of one of them, None where its unit is the next question.
     """
     best = best_of(candidates)
     if len(best) > 1:

@@ -179,7 +179,7 @@ def _speed_line(column: Column, unit: str, why: str, sign: Column | None, report
 
 
 def _known_line(column: Column) -> Line | None:
-    """The line of a speed or angle where its name says all that it needs: None where more is to be asked."""
+    """The line of a speed or angle where its name says all that it needs: None where a question remains."""
     unit = column.unit or _unit_in_words(column)
     known = unit_of(unit)
     if known is None or known.per:
@@ -244,7 +244,7 @@ def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str
 
 
 def rad_of_one(column: Column, angle: Column, time_s: Float64Array | None) -> float | None:
-    """How many rad/s an angle of a known unit turns where a speed is one; None where that cannot be told."""
+    """How many rad/s an angle of a known unit turns where a speed is one; None where that cannot be determined."""
     of_angle = angle.stated.unit
     if of_angle is None and (turn := _turn_of(angle)) in _TURN_UNITS:
         of_angle = unit_of(_TURN_UNITS[turn])
@@ -311,7 +311,7 @@ def _take_rate_of_angle(table: RawTable, column: Column, reported: Answers, gues
     elif turn is not None:
         entry["scale"] = 1.0 if abs(turn - 2.0 * math.pi) < 1e-6 else float(f"{2.0 * math.pi / turn:.12g}")
         if turn not in _TURN_UNITS and not column.stated.any_of(*_ANGLES):
-            # No motion tells it: a wheel of another size moves as this one does.
+            # No motion shows it: a wheel of another size moves as this one does.
             guess.warnings.append(
                 f"{column.shown} begins anew after {turn:.6g}, and that was taken for a turn, which no word "
                 "of the file says: a counter may hold more turns, or less than one: --set speed.counts_per_turn=N"

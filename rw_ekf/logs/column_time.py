@@ -115,7 +115,7 @@ def _clocks(table: RawTable, columns: list[Column], reported: Answers) -> list[C
 def _counted_as_stated(
     clock: Clock, column: Column, preamble: Sequence[str], reported: Answers, guess: Guess
 ) -> Clock | None:
-    """A clock whose unit its steps told, as the file says that it counts; None, and a question, if they differ."""
+    """A clock whose unit its steps gave, as the file says that it counts; None, and a question, if they differ."""
     values = column.values
     if not clock.concluded or _time_unit(reported) or not np.array_equal(values, np.round(values)):
         return clock

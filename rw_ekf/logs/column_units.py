@@ -70,7 +70,7 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("angle", _TURN, per="counts_per_turn"), "counts count cnt cnts ticks tick inc increments inkremente "
         "pulses lsb steps"),
     **_all(Unit("current"), "a а 安 安培 amp amps ampere amperes"),
-    **_all(Unit("current"), "arms aeff apk apeak ampsrms amprms ampererms amppk ampspk amppeak ampspeak"),  # said so
+    **_all(Unit("current"), "arms aeff apk apeak ampsrms amprms ampererms amppk ampspk amppeak ampspeak"),  # stated so
     **_all(Unit("current", 1e-3), "marms maeff mapk mapeak"),
     **_all(Unit("current", 1e-3), "ma ма 毫安 milliamp milliamps milliampere milliamperes"),
     **_all(Unit("current", 1e-6), "ua µa"),
@@ -141,7 +141,7 @@ _PUBLISHED = (
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_current"), "A"),
 )
 
-# The same of a program whose names are anybody's, by what stands beside them: all registers that moteus is asked for
+# The same of a program whose names are anybody's, by what stands beside them: all registers requested of moteus
 # (mjbots.github.io/moteus/protocol/registers: revolutions, revolutions a second, N m, A).
 _PUBLISHED_TOGETHER = {
     frozenset(

@@ -1,7 +1,7 @@
-"""A foreign table that is too long to be held: what its columns are is told from its first rows, and asked again on.
+"""A foreign table that is too long to be held: its columns are guessed from its first rows, and checked further on.
 
 Of a table that has a row for each time and is in no need of questions. Each time as many rows have been read as before,
-the rows that come are asked what the columns are; where they do not say the same, the table is read as a whole.
+the rows that come are examined for what the columns are; where they do not say the same, the table is read as a whole.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ class ForeignParts:
     file: InParts  # with all of its columns, as their first values are
     columns: ColumnMap
     warnings: tuple[str, ...]
-    first_rows: int  # that the map was told from
+    first_rows: int  # that the map was found from
 
     @classmethod
     def of(cls, file: InParts, given: ColumnMap, rows: int) -> ForeignParts | None:
-        """Told from so many of its rows; None for a table that has to be seen as a whole. given: without columns."""
+        """Found from so many of its rows; None for a table that has to be seen as a whole. given: without columns."""
         try:
             head = _head(file, rows)
             columns = _map_of(head, given)

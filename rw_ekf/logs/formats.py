@@ -100,7 +100,7 @@ def _head_of(path: Path, name: str) -> bytes:
 
 
 def listed() -> str:
-    """A table of the forms in the order in which they are asked: name, how recognised, extra, installed or not."""
+    """A table of the forms in the order in which they are tried: name, how recognised, extra, installed or not."""
     rows = [("format", "recognised by", "extra", "installed")]
     for key, point in registered("rw_ekf.log_formats", _OWN).items():
         form = loaded_as(LogFormat, point)

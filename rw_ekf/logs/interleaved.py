@@ -1,8 +1,8 @@
 """Rows of several kinds under each other, made rows of one: a row a signal, or packets of a telemetry stream in turn.
 
-What the other kinds said last is held beside each row of one kind: of that which has the speed, or else of the most
+What the other kinds reported last is held beside each row of one kind: of that which has the speed, or else of the most
 frequent. Nothing is interpolated, and nothing known later stands beside what was measured before: last is by the time
-of the rows, in whatever order they are, and by their order only where no time tells one row from the next.
+of the rows, in whatever order they are, and by their order only where no time distinguishes one row from the next.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def base_kind(names: Mapping[str, Sequence[str]], rows: Mapping[str, int]) -> st
 
 
 def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[str, Any]], list[int]]:
-    """Rows of the base kind with what the others said last, and where they stand among the records."""
+    """Rows of the base kind with what the others reported last, and where they stand among the records."""
     kinds: dict[str, dict[str, None]] = {}
     rows = Counter(kind for kind, _ in records)
     for kind, record in records:
@@ -96,7 +96,7 @@ def _axis(time_s: Float64Array, codes: Int64Array, is_base: BoolArray) -> Float6
 def _held_by_time(
     records: Sequence[tuple[str, Mapping[str, Any]]], time_s: Float64Array, places: list[int], own: Set[str]
 ) -> list[dict[str, Any]]:
-    """The rows at some places, each with what the other records said last at its time (n,). own: names of the rows."""
+    """Rows at some places, each with what the other records reported last at its time (n,). own: names of the rows."""
     others: dict[str, list[int]] = {}
     for place, (_, record) in enumerate(records):
         for name in record.keys() - own:
@@ -243,7 +243,7 @@ def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) ->
 
 
 def _times(table: RawTable, codes: Int64Array, is_base: BoolArray, rest: Sequence[int]) -> Float64Array | None:
-    """When the rows (n,) of named values are from, on one axis; None where no column tells it to the row.
+    """When the rows (n,) of named values are from, on one axis; None where no column gives it to the row.
 
     codes: what each is a value of; rest: the other columns. Without names whatever rises in the rows of each is a time.
     """

@@ -14,7 +14,7 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.wheel_log import WheelLog, put_together
 
 SAME_ROWS = 0.9  # share of rows beyond which two logs are one: two runs do not read the same noise
-_LEAST_ROWS = 100  # of a log in which that is asked
+_LEAST_ROWS = 100  # of a log in which that is tested
 _MISSING = 1.0e300  # in place of a speed, where rows are compared
 _UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
 
@@ -63,7 +63,7 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
 
 
 def one_log(logs: Sequence[WheelLog]) -> WheelLog:
-    """Logs joined, with what is said of them among the warnings. Raises LogError for none, and for one given twice."""
+    """Logs joined, with the remarks on them among the warnings. Raises LogError for none, and for one given twice."""
     refuse_none_or_twice(logs)
     whole = joined(logs)
     return replace(whole.log, warnings=(*whole.log.warnings, *whole.notes))

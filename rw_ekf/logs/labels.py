@@ -103,7 +103,7 @@ def _units_among(texts: list[str]) -> int:
 def with_labels(table: RawTable, content: Mapping[str, Any]) -> RawTable:
     """A table with the units, remarks, factors and further lines that stand beside its numbers.
 
-    content: by name, all that the file holds. What is said of `speed` is so of a column `speed.value` too.
+    content: by name, all that the file holds. What is stated of `speed` holds for a column `speed.value` too.
     """
     table = replace(table, units=_units(content), remarks=_remarks(content), factors={})
     heard = {key for key, value in content.items() if _scales(table, key, value, content)}
@@ -118,7 +118,7 @@ def with_labels(table: RawTable, content: Mapping[str, Any]) -> RawTable:
 def _scales(table: RawTable, key: str, value: Any, content: Mapping[str, Any]) -> bool:
     """Whether a variable is what columns are times or have added, `speed_scale_factor`; it is added to the table then.
 
-    A list has one for each column. A number of a whole array, or of nothing by its name, is asked about of any.
+    A list has one for each column. A number of a whole array, or of nothing by its name, becomes a question about any.
     """
     array, (owner, kind) = np.asarray(value).reshape(-1), owner_of(key)
     if not kind or array.dtype.kind not in "fiu" or not array.size:
@@ -169,7 +169,7 @@ def _units(content: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _remarks(content: Mapping[str, Any]) -> dict[str, str]:
-    """What is said of columns, by name, of texts that are called after these: `i_motor_long_name`."""
+    """What is stated of columns, by name, of texts that are called after these: `i_motor_long_name`."""
     found: dict[str, str] = {}
     for key, value in content.items():
         text = text_of(value)

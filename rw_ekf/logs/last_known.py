@@ -53,7 +53,7 @@ def on_one_axis(time_s: Float64Array, kinds: Int64Array) -> Float64Array | None:
     The kinds may come in turn, each for itself, or newest first. Where the times of each begin anew equally often the
     file holds several runs, and each stands behind the one before. None where a time is missing, where one kind begins
     anew and another does not, where one ends before another begins, or where rows of one kind have the same time: only
-    their order tells them apart.
+    their order distinguishes them.
     """
     if not np.isfinite(time_s).all() or not time_s.size:
         return None

@@ -1,4 +1,4 @@
-"""A log that is too long to be held: its parts, one after the other, as often as they are asked for.
+"""A log that is too long to be held: its parts, one after the other, as often as they are requested.
 
 Each part begins with the last rows of the one before it, so that what came before a row is known there: the current
 that was in force, and what a lag or a delay looks back on. The rows are those of the log read as a whole.

@@ -1,4 +1,4 @@
-"""A guess as a column map: its text, with what is asked as comments, and what a reader goes on with."""
+"""A guess as a column map: its text, with questions as comments, and what a reader continues with."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _entry(line: Line) -> str:
 
 
 class UncertainColumnsError(LogError):
-    """What the columns of a table are cannot be told; `known`: what of them can, under other names than a log's."""
+    """The columns of a table cannot be identified; `known`: those that can, under other names than a log's."""
 
     known = ""
 

@@ -53,8 +53,8 @@ def _pauses(step_s: Float64Array, period_s: float) -> BoolArray:
 def _begun_at_rest(log: WheelLog, period_s: float) -> WheelLog:
     """The log with a row ahead of its begin, and behind each pause, where a wheel rests under what then moves it.
 
-    A command that had flowed for long would have moved it long before: nothing was asked until then. Without that row a
-    model takes the first command for one that always was, and a late answer to it cannot be seen.
+    A command that had flowed for long would have moved it long before: nothing was commanded until then. Without that
+    row a model takes the first command for one that always was, and a late answer to it cannot be seen.
     """
     speed, current = log.speed_rad_s, log.current_A
     begins = np.diff(log.segment, prepend=log.segment[:1] - 1) != 0

@@ -202,7 +202,7 @@ def clock_set_back(
 
 
 def clock_sentence(by_s: float, where: str, even_steps_s: Float64Array) -> str:
-    """What is said of a clock that was set by so much [s] at a row, in a log whose other rows are evenly spaced."""
+    """What is reported of a clock that was set by so much [s] at a row, in a log whose other rows are evenly spaced."""
     way = "forward" if by_s > 0.0 else "backward"
     return (
         f"the clock was set {way} by {abs(by_s):.6g} s at {where}, while the rows went on "

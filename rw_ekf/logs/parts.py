@@ -38,7 +38,7 @@ class PartName:
 
 
 def stem_of(path: str | Path) -> Path:
-    """Path of a run without what tells its files apart: runs/STEM.part002.csv.zst -> runs/STEM."""
+    """Path of a run without what distinguishes its files: runs/STEM.part002.csv.zst -> runs/STEM."""
     path = Path(path)
     name = PartName.of(path.name)
     return path.with_suffix("") if name is None else path.with_name(name.stem)

@@ -8,7 +8,7 @@ import re
 from rw_ekf.logs.log_text import LogText
 
 _NAME_LINES = 12  # in which the names of all columns end, where some of them have several
-_OPENED = re.compile(rb"""(?:^|[,;\t|])[ ]*"[^",;\t|]*\r?$""")  # the last cell of a line, and goes on
+_OPENED = re.compile(rb"""(?:^|[,;\t|])[ ]*"[^",;\t|]*\r?$""")  # the last cell of a line, and continues
 _CLOSED = re.compile(rb"""[^",;\t|]*"[ ]*(?:[,;\t|]|\r?$)""")  # where the first cell of the next one ends
 _OF_NUMBERS = re.compile(rb"""[ ]*"?[+-]?[.]?\d""")
 

@@ -46,7 +46,7 @@ _IN_PYTHON = {
 
 
 def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None, zone: ZoneInfo | None = None) -> WheelLog:
-    """Read one log: CSV, Parquet or MATLAB, told apart by content; CSV may be compressed with gzip or zstd.
+    """Read one log: CSV, Parquet or MATLAB, distinguished by content; CSV may be compressed with gzip or zstd.
 
     STEM.csv stands for all the parts of a run, which are read as if they were one file (docs/logs.md).
     columns: the column map of a foreign log, or the path of one. zone: of dates that bear none; None: UTC.
@@ -216,7 +216,7 @@ def _numbers_of_words(column: Any) -> Any:
 def read_table(path: Path, columns: ColumnMap) -> RawTable:
     """Read the rows as they are, of every part. Raises LogError if a file is none of the known kinds or damaged.
 
-    Where rows are missing between two parts, for a part that is not there or torn, it is said which, and the next one
+    Where rows are missing between two parts, for a part that is not there or torn, that is reported, and the next one
     begins a segment of its own.
     """
     parts = parts_of(path)

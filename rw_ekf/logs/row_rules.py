@@ -41,7 +41,7 @@ def is_even(values: Float64Array, within: float) -> bool:
 
 
 def goes_with_seconds(seconds: Float64Array, part: Float64Array) -> bool:
-    """Whether numbers (n,) rise while whole seconds stay, and fall where these go on."""
+    """Whether numbers (n,) rise while whole seconds stay, and fall where these advance."""
     step, anew = np.diff(part), np.diff(seconds) > 0.0
     if not anew.any() or anew.all() or not np.isfinite(step).all() or np.any(np.diff(seconds) < 0.0):
         return False

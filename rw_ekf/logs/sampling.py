@@ -1,7 +1,7 @@
 """What the rows of a log are worth: rows lost from a regular grid, and readings that only repeat the one before.
 
 A row that is lost takes its command with it: what current was in force until the next row is not known. A reading
-that is held until the sensor has a new one says nothing in between. Both are told from the rows alone (docs/logs.md).
+that is held until the sensor has a new one says nothing in between. Both are found from the rows alone (docs/logs.md).
 """
 
 from __future__ import annotations

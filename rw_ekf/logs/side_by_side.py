@@ -25,7 +25,7 @@ _SLOW = ("temperature", "pressure", "bus_voltage")
 
 
 def without_empty_rows(table: RawTable) -> RawTable:
-    """The table without rows that hold nothing at all, where a column tells the time of the others or counts them."""
+    """The table without rows that hold nothing at all, where a column gives the time of the others or counts them."""
     clocks = [number for number, name in enumerate(table.names) if role_of(stated_by(name)) in ("time", "count")]
     empty = _is_empty(table, clocks[0]) if clocks else np.zeros(0, dtype=np.bool_)
     if not empty.any():

@@ -18,7 +18,7 @@ from rw_ekf.logs.time_text import is_odd_stamp
 MARKS = ("\t", ";", ",", "|")  # that stand between cells
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 CELL = "\x1f"  # as a delimiter: cells stood apart from each other, as those of a sheet, and none can be missing
-_REMEMBERED = 4096  # cells: while a layout is sought, each is asked about some ten times
+_REMEMBERED = 4096  # cells: while a layout is sought, each is looked up some ten times
 MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
@@ -45,7 +45,7 @@ _GAPS = frozenset({
     "invalid", "timeout", "nodata", "no data", "n.a.", "n.a", "n/d", "ovr", "ol", "o.l", "o.l.", "over", "over range",
     "over-range", "overload", "bad", "bad value", "no reading", "missing", "out of range",
 })  # fmt: skip
-_QUIET = frozenset({"n/a", "na", "null", "none", "nan", "+nan", "-nan"})  # gaps of which nobody need be told
+_QUIET = frozenset({"n/a", "na", "null", "none", "nan", "+nan", "-nan"})  # gaps that need no report
 _NO_VALUE = re.compile(r"[-–—]*|\**|[+-]?∞")  # `---`: not measured; an oscilloscope's reading over its range
 _DATED = re.compile(r"(?<!\S)(\d{1,2}) ([A-Z][a-z]{2}) (\d{4}) (?=\d{1,2}:\d{2})")  # 14 Mar 2023 10:58:12.250
 _TOUCHING = re.compile(r"(\.\d+)(?=[+-]\d*\.\d)")  # 1023.500-0.2500000, in columns of a fixed width

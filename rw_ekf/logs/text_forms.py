@@ -5,7 +5,7 @@
     <inf> rw: speed -195.7 rpm, current 484 mA  by words, with units
     {'t': 0.097, 'spd': 59.4, 'cur': 238}       a printed dictionary
 
-Both are made rows of cells here, line by line, so that all else goes on as with any table.
+Both are made rows of cells here, line by line, so that all else proceeds as with any table.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ _DAY_OF_YEAR = re.compile(  # CCSDS, SCOS: 2023-073T10:58:12.250Z, 2023.073.10.5
 _OF_AN_HOUR = re.compile(r"(\d{1,2}:\d{2}[.,]\d+)")  # Excel's mm:ss.0
 _OF_ONE_DIGIT = re.compile(r"^0:(\d:)")  # minutes behind an hour
 _HOUR_S, _HALF_S = 3600.0, 43200.0
-_NEARLY = 0.98  # of twelve hours, by which a clock falls that goes on from 12:59 to 1:00
+_NEARLY = 0.98  # of twelve hours, by which a clock falls that continues from 12:59 to 1:00
 _POINTED = re.compile(r"(?P<h>[01]?\d|2[0-3])\.(?P<m>[0-5]\d)\.(?P<s>[0-5]\d)(?P<f>[.,:]\d+)?")  # 10.58.12,250
 _DAYS = re.compile(r"(?P<days>\d{1,6}) days?,? +(?=\d)")  # 0 days 00:00:12.250000, as pandas writes a Timedelta
 _DURATION = re.compile(  # ISO 8601: PT1M0.25S

@@ -48,7 +48,7 @@ class WheelLog:
     warnings: tuple[str, ...] = ()  # what was mended in reading; each fit to be shown to a user
     in_rpm: bool = False  # the speed came in rpm: whatever the plant is, it turns, and a reader thinks in rpm
     sources: dict[str, Source] = field(default_factory=dict)  # where its columns came from, by name; empty: no file
-    guessed: bool = False  # what its columns are was concluded, and said by nobody
+    guessed: bool = False  # what its columns are was concluded, and stated by nobody
     faults: tuple[str, ...] = ()  # what shows that a column is not what it is taken for (`rw_ekf.identify.misread`)
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""One wheel of a file that holds several: by a group's name, or by the column that tells them apart."""
+"""One wheel of a file that holds several: by a group's name, or by the column that distinguishes them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from rw_ekf.errors import LogError
 from rw_ekf.logs.raw_table import RawTable
 
-MOST_WHEELS = 200  # a column of more different values tells no wheels apart
+MOST_WHEELS = 200  # a column of more different values distinguishes no wheels
 _PARTS = re.compile(r"[^\s,=/.:]+")  # of `rw_ekf_sample,wheel=rw-y,run=...` and `/wheels/rw-y/sample`
 TELLING = re.compile(r"wheel|rw|motor|axis|unit|node|device|serial|name|address|topic|(^|_)(id|dut|esc)", re.IGNORECASE)
 _DEVICE = re.compile(  # RW1; wheel A; left motor
@@ -28,7 +28,7 @@ def of_wheel(names: Iterable[str], wheel: str) -> list[str]:
 
 
 def rows_of_wheel(table: RawTable, wheel: str) -> RawTable:
-    """The rows in which the one column that tells wheels apart has this name or number. Raises LogError."""
+    """The rows in which the one column that distinguishes wheels has this name or number. Raises LogError."""
     reported = {
         index: held
         for index, name in enumerate(table.names)

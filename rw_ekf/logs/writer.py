@@ -67,7 +67,7 @@ class RowWriter:
         if self._descriptor is None:
             raise OSError(errno.EBADF, "it is closed", str(self.path))
         now = os.fstat(self._descriptor)
-        self.removed = now.st_nlink == 0  # the system would go on taking lines
+        self.removed = now.st_nlink == 0  # the system would keep taking lines
         if self.removed:
             raise OSError(errno.ENOENT, "it has been removed", str(self.path))
         self.cut = self.cut or now.st_size < self.length
@@ -136,7 +136,7 @@ def sample_values(sample: WheelSample, command: IssuedCommand | None) -> tuple[f
 
 
 class EstimateWriter(RowWriter):
-    """What the filter said after each sample: the test of the sample, and now and then state and standard deviations.
+    """What the filter gave after each sample: the test of the sample, and now and then state and standard deviations.
 
     Between them the state's fields are empty: a replay gives it at every sample. The newest row waits for the next one,
     so that the last row of a file is a full one, as the first is. compensated: there is a column for what a

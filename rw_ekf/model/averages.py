@@ -1,7 +1,7 @@
 """Means over a piece of time of what decays or turns in it: scalar functions importing only `math`.
 
 Most pieces are short beside a decay or a turn; a short series then says the same as the transcendental functions, to
-rounding, and a search for effects asks tens of millions of times.
+rounding, and a search for effects evaluates them tens of millions of times.
 """
 
 import math

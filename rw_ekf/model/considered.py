@@ -1,7 +1,7 @@
 """What a filter takes for known of its effects although a fit left it open: shape constants and curves of laws.
 
 A filter learns coefficients. Where a bump lies, how wide it is and how a law bends are constants to it, fitted to one
-record and known no better than that record told. They are *considered* (S. F. Schmidt 1966): not learned, but their
+record and known no better than that record showed. They are *considered* (S. F. Schmidt 1966): not learned, but their
 uncertainty counts (docs/filter.md eq. 7a).
 """
 

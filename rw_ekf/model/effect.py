@@ -1,4 +1,4 @@
-"""What an effect is: its coefficients, its size, where it is sought and what is said of it; and an effect in use."""
+"""What an effect is: its coefficients, its size, where it is sought, what is reported of it; and an effect in use."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Effect(ABC):
     smooth_over_speed: ClassVar[bool] = False  # a drag that only the size of the speed decides, at all speeds
     acts_as: ClassVar[ActsAs] = "torque"  # what that function is: a torque, or a share of friction or drive
     components: ClassVar[int] = 1  # coefficients of one term
-    repeats: ClassVar[bool] = False  # a model may have several terms of it, told apart by the first shape constant
+    repeats: ClassVar[bool] = False  # a model may have several terms of it, distinguished by the first shape constant
 
     @staticmethod
     @abstractmethod
@@ -176,7 +176,7 @@ class Effect(ABC):
 
     @staticmethod
     def lasts(shape: Shape) -> tuple[float, float]:
-        """When an event begins [s] and its time constant [s]; asked of what is local in time only."""
+        """When an event begins [s] and its time constant [s]; called for what is local in time only."""
         raise NotImplementedError
 
     @classmethod
@@ -186,7 +186,7 @@ class Effect(ABC):
 
     @staticmethod
     def may_leave(shape: Shape, facts: RecordFacts) -> tuple[str, ...]:
-        """Quantities that the residual may go on depending on, by nature of the effect, although it is in the model."""
+        """Quantities that the residual may still depend on, by nature of the effect, although it is in the model."""
         return ()
 
     @classmethod
@@ -204,7 +204,7 @@ class Effect(ABC):
 
     @classmethod
     def amplitude(cls, values: Sequence[float], covariance: Matrix) -> tuple[float, float]:
-        """What a person is told of a term's coefficients: (size, std)."""
+        """What is reported of a term's coefficients: (size, std)."""
         return values[0], math.sqrt(max(float(covariance[0][0]), 0.0))
 
     @classmethod

@@ -160,5 +160,5 @@ class LawEffect(Effect):
 
     @classmethod
     def has_a_kind(cls, term: Term, facts: RecordFacts) -> bool:
-        """Whether a record can tell what it acts on: of what is over at once none can."""
+        """Whether a record can show what it acts on: of what is over at once none can."""
         return True

@@ -2,7 +2,7 @@
 
 With its sensitivity, in scalar functions importing only `math` (docs/model.md eq. 7-16). Far above the Stribeck speed
 the drift is linear and the flow has a closed form; near zero it is integrated in fourth-order steps that the Stribeck
-curve can bear; the instant of zero speed is located, and the wheel is stopped there or goes on the other way (|drive|
+curve can bear; the instant of zero speed is located, and the wheel is stopped there or continues the other way (|drive|
 against s). The sensitivity obeys the variational equation between such events and is carried across them by the
 saltation factor f+/f-: at zero both branches are known, so the factor is exact and lies in [0, 1].
 

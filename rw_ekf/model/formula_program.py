@@ -43,7 +43,7 @@ _EMPTY: Stack = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _LARGEST = 1.0e100  # of any value on the way
 _LARGEST_RESULT = 1.0e12  # in SI units: no drag or torque per inertia is like that
 _MOST_EXPONENT = 230.0  # exp of it is 1e100
-AT_REST_RAD_S = 1.0e-6  # the speed at which a drag is asked for at rest: its limit from slow motion
+AT_REST_RAD_S = 1.0e-6  # the speed at which a drag is evaluated at rest: its limit from slow motion
 
 
 def program_of(tree: Node, numbers: Mapping[str, float]) -> Program:
@@ -259,7 +259,7 @@ def formula_value(values: Any, start: int, count: int, at: Moment) -> tuple[floa
 def formula_size(values: Any, start: int, count: int, along: float, of_motion: bool, at: Moment) -> tuple[float, float]:
     """(value, slope by the speed itself) over a step, as an effect has them: 0 where no value is, level where no slope.
 
-    along: 1.0 or -1.0, the way the wheel turns or would. of_motion: a drag, which is the same either way: asked for
+    along: 1.0 or -1.0, the way the wheel turns or would. of_motion: a drag, which is the same either way: evaluated
     with the size of the speed and the current along the motion. The angle is that in the middle of the step.
     """
     omega, current = at.omega, at.current

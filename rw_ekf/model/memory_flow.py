@@ -27,7 +27,7 @@ from rw_ekf.model.memory_coast import BRISTLE, LAG, TOLERANCE, Wheel, coast, pla
 _REACH = 0.5  # a step changes the speed by no more than this share of max(omega_s, v), so that no stage overlooks zero
 _FIRST_BEND = 2.5e-3  # in Stribeck speeds
 _AT_ZERO = 1.0e-9  # in Stribeck speeds: a crossing this shallow need not be located
-_MAX_STEPS = 500  # a wheel needs fewer than 200; parameters gone wild go on without a memory
+_MAX_STEPS = 500  # a wheel needs fewer than 200; parameters gone wild continue without a memory
 _MAX_TRIES = 20  # of one step
 _SHORTEST = 1.0e-15  # a step shorter than this share of what is left leads nowhere
 _MAX_GROWTH = 30.0  # as in model.propagation: no negative b lets a speed grow by more than exp(30)
@@ -133,7 +133,7 @@ def _controlled_step(
 ) -> tuple[float, float, float, float]:
     """One step whose error is small enough, of length h [s] or less: (its length, v and f at its end, the next length).
 
-    The length 0 says that there is none. h = 0 asks for a first step, of at most `duration`.
+    The length 0 says that there is none. h = 0 requests a first step, of at most `duration`.
     """
     b, c, s, omega_s, _, kind, rate, kappa = wheel
     m, m_v, m_f = _memory_rate(v, f, wheel)
@@ -146,7 +146,7 @@ def _controlled_step(
     reach = _REACH * max(omega_s, v)
     if abs(slope) * h > reach:
         h = reach / abs(slope)
-    # How long an error of f goes on to move the speed; never nothing, for f itself counts as well.
+    # How long an error of f continues to move the speed; never nothing, for f itself counts as well.
     largest = max(abs(c), abs(s))
     lasts = 1.0 / ((math.sqrt(rate) if kind == BRISTLE else 0.0) - m_f)
     lasts = min(lasts, duration) + (0.01 * omega_s / largest if largest > 0.0 else 0.0)

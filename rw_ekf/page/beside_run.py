@@ -19,7 +19,7 @@ def page_beside(folders: Collection[str], config: str, listen: str | None) -> It
     """Serve the runs of folders while the block lasts; nothing for no place to listen at.
 
     Its address goes to standard error. Raises BadInputError where what serves it is not installed; a page that fails
-    later says so there, and the run goes on.
+    later says so there, and the run continues.
     """
     if listen is None:
         yield

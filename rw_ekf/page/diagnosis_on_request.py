@@ -1,4 +1,4 @@
-"""A run's report, one click from its page: the diagnosis of its log, made when it is asked for and kept beside it."""
+"""A run's report, one click from its page: the diagnosis of its log, made when it is requested and kept beside it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from typing import IO, Any
 from rw_ekf.logs.parts import beside
 
 _MOST_TICKETS = 50
-_VALID_S = 3600.0  # a page that stands open for longer asks again
+_VALID_S = 3600.0  # a page that stands open for longer requests again
 _ENDS_WITHIN_S = 1.0  # else it is killed: a diagnosis keeps nothing that a second would save
-_WORDS = 600  # of what a diagnosis that failed has said
+_WORDS = 600  # of what a diagnosis that failed has printed
 
 
 def report_path(log: Path) -> Path:

@@ -52,7 +52,7 @@ def serve(place: Place, host: str, port: int, reported: Callable[[str], object])
 
 
 def _load_ahead() -> None:
-    """While nobody has asked yet; a module that cannot be loaded is told to who asks for what it makes."""
+    """Before any request; a module that cannot be loaded is reported to who requests what it makes."""
     for number, name in enumerate(_LOADED_AHEAD):
         if number == 1:
             time.sleep(_LOAD_AFTER_S)
@@ -61,7 +61,7 @@ def _load_ahead() -> None:
 
 
 class _Server(uvicorn.Server):
-    """One that a signal ends; not before who asked for a stop has the answer: that ends the run, and so the page."""
+    """One that a signal ends; not before who requested a stop has the answer: that ends the run, and so the page."""
 
     def __init__(self, configuration: uvicorn.Config, place: Place) -> None:
         super().__init__(configuration)

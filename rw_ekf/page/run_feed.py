@@ -94,7 +94,7 @@ class RunFeed:
         return RunTail(self)
 
     def events(self) -> list[dict[str, Any]]:
-        """What the run has told, the newest at the end."""
+        """What the run has reported, the newest at the end."""
         try:
             lines = beside(self.stem, "events.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:

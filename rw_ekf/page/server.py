@@ -1,7 +1,7 @@
 """The page's server: files of the page, a run's history, and what comes new as server-sent events.
 
 It reads files and nothing else; the run knows nothing of it. A client that does not keep up loses what it missed, and
-is told to ask for the history again.
+is instructed to request the history again.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _OF_REPORT = {
 
 @dataclass(frozen=True)
 class Access:
-    """Who may ask: by the name that a request was sent to, and by a token."""
+    """Who may send requests: by the name that a request was sent to, and by a token."""
 
     host: str  # that is listened on
     token: str
@@ -68,7 +68,7 @@ class Access:
 
     @classmethod
     def of(cls, host: str) -> Access:
-        """Without a token where only this machine can ask."""
+        """Without a token where only this machine can send requests."""
         return cls(host, secrets.token_urlsafe(16), not _is_loopback(host))
 
     def allows_host(self, header: str) -> bool:
@@ -94,7 +94,7 @@ class Place:
     stopping: int = 0  # stops that are being waited for
     watchers: dict[str, Watcher] = field(default_factory=dict)
     reports: Reports = field(default_factory=Reports)
-    # A thread of its own: a stop waits neither behind what others ask for, nor for the run's priority over the page.
+    # A thread of its own: a stop waits neither behind what others request, nor for the run's priority over the page.
     stopper: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "stop"))
 
     def close(self) -> None:
@@ -125,7 +125,7 @@ class Watcher:
         self.clients: set[asyncio.Queue[bytes]] = set()
         self._silent_looks = 0
         self._last_state: list[bytes] = []
-        self.top_rad_s = 1.0  # up to which friction is shown, as was asked for last
+        self.top_rad_s = 1.0  # up to which friction is shown, as last requested
         self._feed = feed
         self._task: asyncio.Task[None] | None = None
 
@@ -150,7 +150,7 @@ class Watcher:
         try:
             await self._look_and_tell()
         finally:
-            self.end()  # whoever is still there asks anew, and sees that nothing comes: no page may stand still
+            self.end()  # whoever is still there requests anew, and sees that nothing comes: no page may stand still
 
     async def _look_and_tell(self) -> None:
         tail = await run_in_threadpool(self._feed.tail)
@@ -216,7 +216,7 @@ class _Answers:
         self._place, self._access = place, access
         self._files = {
             name: (STATIC / name).read_bytes() for name in ("page.html", *_FILES)
-        }  # 90 kB: asked for at once
+        }  # 90 kB: requested at once
 
     async def page(self, request: Request) -> Response:
         """The page itself."""

@@ -74,7 +74,7 @@ def sparkline(values: Sequence[float | None], room: int, within: float | None = 
 
 
 def _band(recent: dict[str, Any]) -> float | None:
-    """Twice the 95 % band of the innovation, as it was told last; None where it was not."""
+    """Twice the 95 % band of the innovation, as last reported; None where it was not."""
     known = [std for std in recent.get("innovation_std_rad_s") or () if std]
     return 2.0 * _SIGMAS_95 * float(known[-1]) if known else None
 

@@ -1,4 +1,4 @@
-"""The systemd unit of one wheel: told when turns are completed, zero behind every end, nothing else within reach."""
+"""The systemd unit of one wheel: notified of completed turns, zero behind every end, nothing else within reach."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Service:
     group: str | None  # that may open the port; None: no other than the user's own
     devices: tuple[str, ...]  # kinds of device that the port may be, e.g. "ttyUSB"; none where it is on the network
     hung_after_s: float
-    network: bool = False  # whether the run is asked for, or sends, over it
+    network: bool = False  # whether the run is queried, or sends, over it
     writes: bool = True  # False: another controller commands the wheel, and nothing may be written for it
 
 

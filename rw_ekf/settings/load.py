@@ -328,6 +328,6 @@ def _missing_file(document: YamlDocument, path: tuple[str, str], file: str) -> l
 
 
 def _place_order(finding: str) -> tuple[int, int]:
-    """Line and column that a finding begins with, so that findings are told in the order of the file."""
+    """Line and column that a finding begins with, so that findings are reported in the order of the file."""
     match = _PLACE.search(finding)
     return (int(match[1]), int(match[2])) if match else (0, 0)

@@ -191,7 +191,7 @@ class CommandSection(Section):
 
 
 class CompensationSection(Section):
-    """Friction compensation of what the wheel is asked for, and where the request for it comes from."""
+    """Friction compensation of what is requested of the wheel, and where the request for it comes from."""
 
     scheme: CompensationScheme | None = Field(
         None, description="how friction is compensated; null: not at all, command.profile goes out as it is"
@@ -236,7 +236,7 @@ class OutputSection(Section):
 
     @property
     def over_network(self) -> bool:
-        """Whether anything of a run is asked for, or sent, over a network."""
+        """Whether anything of a run is requested, or sent, over a network."""
         return any(place not in (None, "file") for place in (self.prometheus, self.influx, self.plotjuggler, self.mqtt))
 
 
@@ -279,7 +279,7 @@ class Configuration(Section):
 
     @property
     def takes_torques(self) -> bool:
-        """Whether what the wheel is asked for comes over a socket."""
+        """Whether what is requested of the wheel comes over a socket."""
         return self.compensation.scheme is not None and self.compensation.request == "socket"
 
 

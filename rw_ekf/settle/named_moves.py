@@ -82,7 +82,7 @@ def currents(moves: Sequence[Move], base: FrictionParameters, bounds: Bounds) ->
 def _wanted(
     move: Move, elapsed_s: float, speed: float, began: float, base: FrictionParameters, bounds: Bounds
 ) -> float:
-    """Current that a move asks for, at a time since it began [s] and a speed [rad/s]."""
+    """Current that a move requests, at a time since it began [s] and a speed [rad/s]."""
     if move.kind == "coast":
         return 0.0
     if move.kind == "creep":

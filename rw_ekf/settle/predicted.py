@@ -22,7 +22,7 @@ from rw_ekf.settle.standing_explanations import Explanation, Standing
 
 _FIRST_SPREAD = 0.3  # of the speed noise
 _REST_TICKS = 10  # before a motion: what lags or comes late there is the current of none
-CHECK_S = 5.0  # how far apart the times are at which a divergence is asked for
+CHECK_S = 5.0  # how far apart the times are at which a divergence is evaluated
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Scene:
 
     @property
     def checks(self) -> int:
-        """Ticks between the times at which a divergence is asked for."""
+        """Ticks between the times at which a divergence is evaluated."""
         return max(round(CHECK_S / self.period_s), 1)
 
 

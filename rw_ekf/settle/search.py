@@ -29,7 +29,7 @@ class Design:
     moves: tuple[Move, ...]
     current_A: Float64Array  # (ticks,)
     divergence: Float64Array  # (k, k, checks) by which explanation i, if it is true, gains over j
-    alike: BoolArray  # (k, k) which no motion that was looked at tells apart
+    alike: BoolArray  # (k, k) which no motion that was looked at distinguishes
 
     @property
     def pairs(self) -> Float64Array:
@@ -38,7 +38,7 @@ class Design:
 
     @property
     def merit(self) -> float:
-        """The smallest divergence of a pair that can be told apart, early rather than late (eq. 4)."""
+        """The smallest divergence of a pair that can be distinguished, early rather than late (eq. 4)."""
         if self.alike.all():
             return 0.0
         least = self.pairs[~self.alike].min(axis=0)
@@ -80,7 +80,7 @@ def design_motion(
 
 
 def _alike(most: Float64Array) -> BoolArray:
-    """Which explanations no motion tells apart, (k, k), from the largest divergence of each pair."""
+    """Which explanations no motion distinguishes, (k, k), from the largest divergence of each pair."""
     alike = most < _REPORTED_APART
     for _ in range(alike.shape[0]):
         alike = alike | (alike.astype(int) @ alike.astype(int) > 0)

@@ -49,7 +49,7 @@ class Plan:
 
     @property
     def groups(self) -> list[list[int]]:
-        """Explanations that no motion tells apart, two at least in each."""
+        """Explanations that no motion distinguishes, two at least in each."""
         rows = {tuple(np.flatnonzero(row).tolist()) for row in self.design.alike}
         return sorted(list(row) for row in rows if len(row) > 1)
 

@@ -50,7 +50,7 @@ class Standing:
     path: str
     logs: tuple[str, ...]
     explanations: tuple[Explanation, ...]  # two at least, the most probable first; their probabilities add up to 1
-    ended_s: float  # time of the record's last sample, from which the next one goes on
+    ended_s: float  # time of the record's last sample, from which the next one continues
     temperature_degC: float | None
     warming: Warming | None
 

@@ -61,7 +61,7 @@ class RunContext:
     watched: bool = True  # whether there can be alarms
     statistics: RunStatistics = field(default_factory=RunStatistics)
     learning: Learning | None = None  # None: nothing is kept for the next run
-    requests: Sink | None = None  # who takes a controller's requests, and tells it of each turn; None: nobody
+    requests: Sink | None = None  # who takes a controller's requests, and informs it of each turn; None: nobody
     recent: RecentSink = field(default_factory=RecentSink)
     timing: LoopTiming = field(default_factory=LoopTiming)
     unwritten: Unwritten = field(default_factory=Unwritten)

@@ -1,4 +1,4 @@
-"""What happens in a run, told once: changes of state and compensation, alarms; and as a file, a line each."""
+"""What happens in a run, reported once: changes of state and compensation, alarms; and as a file, a line each."""
 
 from __future__ import annotations
 

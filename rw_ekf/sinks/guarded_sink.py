@@ -21,13 +21,13 @@ class Queue(NamedTuple):
 
     ticks: int  # as many may wait
     every_s: float = 0.0  # above 0: the newest tick alone, so often by the run's clock, at a change of state, the last
-    lost: Callable[[int], None] = lambda ticks: None  # told how many were lost before the tick that comes next
+    lost: Callable[[int], None] = lambda ticks: None  # given how many were lost before the tick that comes next
     at_once: bool = False  # each tick wakes the thread, which costs the turn some 20 us
     waits: bool = True  # whether a turn waits for room, up to its budget
 
 
 class GuardedSink:
-    """A sink whose exceptions are counted and said once, and whose slowness stays its own. Control goes on."""
+    """A sink whose exceptions are counted and reported once, and whose slowness stays its own. Control continues."""
 
     def __init__(
         self,

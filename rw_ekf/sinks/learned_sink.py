@@ -37,7 +37,7 @@ class Learning:
 class LearnedSink:
     """Saves every tick that it is given and the run trusts, but for the first ones.
 
-    What is wrong replaces nothing, nor does a run that has learned nothing yet; and one that did not go on from what
+    What is wrong replaces nothing, nor does a run that has learned nothing yet; and one that did not continue from what
     stands there replaces it only once it knows as much.
     """
 
@@ -104,7 +104,7 @@ class LearnedSink:
         )
 
     def _put(self, model: WheelModel) -> None:
-        """Replace the file; what stands there and was not gone on from is kept beside the log."""
+        """Replace the file; what stands there and was not continued from is kept beside the log."""
         files, fingerprint = self._run.files, self._learning.start.fingerprint
         try:
             if self._replaces:

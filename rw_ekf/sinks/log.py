@@ -37,7 +37,7 @@ class PartSize(NamedTuple):
 class LogSink:
     """Appends every tick to both files; on disk at least every ten seconds. Full parts are closed and compressed.
 
-    A wheel is not let go of because a disk is full or its directory gone: what cannot be written is counted, said once,
+    A wheel is not let go of because a disk is full or its directory gone: what cannot be written is counted, noted once
     and tried again with the next sample, in a part of its own where the file has been removed. After rows that are
     missing a new segment begins in the log, because nobody who reads it can know what current was in force between.
     """
@@ -55,7 +55,7 @@ class LogSink:
         """Begin the first part.
 
         open_part: makes the files of a part by its number, BadInputError where they cannot be made; unwritten: where
-        the losses are counted; note: told of the first one; record: told of every row.
+        the losses are counted; note: called for the first one; record: called for every row.
         """
         self._open_part = open_part
         self._size = size

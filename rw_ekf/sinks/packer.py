@@ -23,7 +23,7 @@ class Packer:
     """One process at a time. What cannot be compressed stays as it is, and reads all the same."""
 
     def __init__(self, note: Note, close_within_s: float = _CLOSE_WITHIN_S) -> None:
-        """note: told of parts that stay plain. close_within_s: how long those at work are waited for at the end."""
+        """note: called for parts that stay plain. close_within_s: how long those at work are waited for at the end."""
         self._note = note
         self._close_within_s = close_within_s
         self._waiting: list[Path] = []

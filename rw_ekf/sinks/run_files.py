@@ -37,7 +37,7 @@ class RunFiles:
     events: Path
     start: Path
     model: Path
-    replaced: Path  # what stood in the place of `learned` and was not gone on from
+    replaced: Path  # what stood in the place of `learned` and was not continued from
     learned: Path
     state: Path
 
@@ -89,7 +89,7 @@ def learned_path(configuration: Configuration) -> Path:
 
 
 def request_path(configuration: Configuration) -> Path:
-    """Path of the socket that torques are asked for by."""
+    """Path of the socket that torques are requested by."""
     named = configuration.compensation.socket
     return Path(named or Path(configuration.output.directory) / f"{lasting_stem(configuration)}.request.sock")
 
@@ -103,7 +103,7 @@ def lasting_stem(configuration: Configuration) -> str:
 
 @dataclass
 class Unwritten:
-    """What a run could not put on the disk: it went on without (the `unwritten` object of `run --json`)."""
+    """What a run could not put on the disk: it continued without (the `unwritten` object of `run --json`)."""
 
     log_rows: int = 0
     estimate_rows: int = 0
@@ -142,7 +142,7 @@ class Unwritten:
 
     @contextlib.contextmanager
     def tried(self, path: Path, note: Note) -> Iterator[None]:
-        """A file whose loss must not end a run that drives a wheel: counted, and said where it is the first."""
+        """A file whose loss must not end a run that drives a wheel: counted, and reported where it is the first."""
         try:
             yield
         except (RwEkfError, OSError) as error:

@@ -62,7 +62,7 @@ class StateFileSink:
             document["alarms"] = [] if tick is None else [alarm.document() for alarm in tick.alarms]
         try:
             write_text(run.files.state, json_text(document), follow=False)
-        except (OSError, ValueError, RwEkfError) as error:  # it tells of the moment: the next one is tried
+        except (OSError, ValueError, RwEkfError) as error:  # it describes the moment: the next one is tried
             if not run.unwritten.state_files:
                 do = "`status` and the page show what was published last, until there is room or the place is back"
                 run.logger.error("not_published", file=str(run.files.state), reason=str(error), do=do)

@@ -34,7 +34,7 @@ class Spike:
     std_mNm: float | None
     percent_of_coulomb: float | None
     decay_s: float | None
-    end: str | None  # as the watch said; None: the run ended first
+    end: str | None  # as the watch reported; None: the run ended first
     since_start_s: float | None = None  # from the run's start to its onset
 
 

@@ -2,7 +2,7 @@
 
 The command that telemetry reads back must be what was written. The measured current must lie among the currents that
 were in force during the last second (an amplifier has a lag), within 10 % and 2 % of the limit: no amplifier is wrong
-by more, and one that clips, is off, or serves another master is. Noise averages out: what is asked is the mean over ten
+by more, and one that clips, is off, or serves another master is. Noise averages out: the test is on the mean over ten
 readings of how far it lies outside. Either way nobody knows then what drives the wheel, and nothing is learned from it.
 """
 
@@ -82,5 +82,5 @@ class CurrentWatch:
 
 
 def _outside(value: float, low: float, high: float) -> float:
-    """How far a value lies outside, signed. Asked for either sign: a turned one in the wire map is the sign watch's."""
+    """How far a value lies outside, signed. Valid for either sign: a turned one in the wire map is the sign watch's."""
     return value - min(max(value, low), high)

@@ -54,7 +54,7 @@ class Responses:
         self._time_mean = 0.0
 
     def of_block(self, rows: list[Observation]) -> tuple[Float64Array, Float64Array]:
-        """(responses (n, q), normalised innovations (n,); NaN where there is none or it tells nothing of torques)."""
+        """(responses (n, q), normalised innovations (n,); NaN where there is none or it shows nothing of torques)."""
         columns = np.array([row[:10] for row in rows])
         time_s, dt_s, direction, speed, current, temperature, innovation, variance, gain, keep = columns.T
         torques = self._torques(time_s, dt_s, direction, speed, current, temperature)

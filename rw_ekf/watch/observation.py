@@ -110,7 +110,7 @@ class ObservationReader:
         return mean_A, command.acknowledged
 
     def _creeps(self, belief: WheelState, current_A: float) -> bool:
-        """Whether the drive is too little beyond break-away to tell a slow wheel's drag from an error in that."""
+        """Whether the drive is too little beyond break-away to separate a slow wheel's drag from an error in that."""
         drive = abs(belief.motor_gain * current_A)
         unsure = max(_CREEP_DRIVE * abs(belief.coulomb), _CREEP_SIGMAS * self._static_std)
         return drive < breakaway(belief) + unsure

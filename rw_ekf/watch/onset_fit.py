@@ -33,7 +33,7 @@ def fit_onset(
 
     recent: observations, no gap, oldest first; drag_gains: L of each (docs/watch.md eq. 3), zero for the estimator.
     Readings count in full: once a spike is sure there is no wild one among them. A reading below `near_rest_rad_s` may
-    be that of a wheel at rest, which tells no more than that its drag holds it.
+    be that of a wheel at rest, which shows no more than that its drag holds it.
     """
     first_s = max(earliest_s, recent[0].time_s - recent[0].dt_s)
     step_s = (recent[-1].time_s - first_s) / _CANDIDATES

@@ -48,7 +48,7 @@ _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
 _MOVES = 4.0  # noises or steps of a reading: a piece that never gets so far from zero may be one of a wheel at rest
 _INNOVATIONS_KEPT = 20.0
-_LEAPS = 5.0  # sigmas; one piece alone, for what goes on is the wheel
+_LEAPS = 5.0  # sigmas; one piece alone, for what persists is the wheel
 _FORGETS_S = 30.0  # of motion: what flips after ten healthy minutes is found as soon as what flips at once
 _GAIN, _COULOMB, _OUTSIDE = 0, 2, 3  # places in the regression (eq. 1); viscous friction is 1
 _FOR_CERTAIN = 5  # commands running
@@ -115,14 +115,14 @@ class SignWatch:
 
     @property
     def is_settled(self) -> bool:
-        """Whether more of the same motion would tell nothing new: right, wrong, or of another size than expected."""
+        """Whether more of the same motion would show nothing new: right, wrong, or of another size than expected."""
         factor = self.odd_factor
         odd = factor is not None and (factor < 1.0 or self._end_of_gain(-1.0) > 0.0)
         return odd or self.is_right or self.is_wrong
 
     @property
     def odd_factor(self) -> float | None:
-        """By which factor the size of the gain is off what was expected; None where it is not, or cannot be told."""
+        """By which factor the size of the gain is off what was expected; None where it is not, or is not known."""
         gain, std = self.gain
         if not self.is_known or self._expected == 0.0:
             return None
@@ -183,7 +183,7 @@ class SignWatch:
         """Take a reading and the command that followed it."""
         last = self._last
         following, self._command = self._command, command
-        if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known nevertheless
+        if sample.speed_rad_s is None:  # the piece continues over it: the currents are known nevertheless
             if last is not None and following is not None:
                 self._current_over(sample.time_s - self._at_s, following)
                 self._at_s = sample.time_s
@@ -265,7 +265,7 @@ class SignWatch:
 
 
 class OppositeTold:
-    """Counts commands that telemetry told with the other sign; one that it bears out begins anew."""
+    """Counts commands that telemetry reported with the other sign; one that it bears out begins anew."""
 
     def __init__(self) -> None:
         self._running = 0

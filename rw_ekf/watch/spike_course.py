@@ -1,4 +1,4 @@
-"""How a drag spike goes on: what is left of it, how fast it fades, when it is over, when the estimator is over it.
+"""How a drag spike continues: what is left of it, how fast it fades, when it is over, when the estimator is over it.
 
 Speed and extra drag are followed by a filter of two states while a spike lasts. Its model is the estimator's own
 prediction, put back to the parameters from before the onset (docs/watch.md eq. 8-9): so it knows every effect that the
@@ -111,8 +111,8 @@ _BACK_TIME_S = 10.0  # the estimator's own innovations are trusted again when th
 _BACK_MEAN = 0.25  # ... is below so many standard deviations of one of them, ...
 _BACK_FOR_S = 30.0  # ... for so long of a turning wheel; ...
 _BACK_AT_LATEST_S = 600.0  # ... and whatever they do so long after the spike
-_KNOWN_BY = 4.0  # standard deviations that the extra drag must be above zero to tell the decay by
-_TURNING_SHARE = 0.3  # of the time: less tells nothing of a decay
+_KNOWN_BY = 4.0  # standard deviations that the extra drag must be above zero to determine the decay
+_TURNING_SHARE = 0.3  # of the time: less shows nothing of a decay
 _WRONG_WAY_FOR_S = 1.0
 _WRONG_WAY_SHARE = 0.5  # of the amplitude, speeding the wheel up: no drag
 

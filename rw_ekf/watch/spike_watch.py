@@ -2,7 +2,7 @@
 
 Waiting: the bank looks for an onset in the estimator's innovations. Sure, but not sized: up to four seconds are given
 to the amplitude. Following: a tracker holds the extra drag against the parameters from before the onset, and the bank
-goes on looking, in the tracker's innovations, for the next spike of a train.
+keeps looking, in the tracker's innovations, for the next spike of a train.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SIZED = 12.0  # amplitude in standard deviations at which it is reported ...
 _SIZED_AFTER_S = 1.0  # ... not before so long after the onset, ...
 _REPORTED_AFTER_S = 4.0  # ... and as it is after so long
 _AGAIN_AFTER_S = 5.0  # an onset that was none, or too small, is not looked at again for so long
-_RETRY_S = 0.5  # a wheel at rest gives an amplitude no sooner by being asked more often
+_RETRY_S = 0.5  # a wheel at rest gives an amplitude no sooner by being evaluated more often
 _KEPT = 512  # samples for the exact onset
 _NEAR_REST = 4.0  # reading noises: below, the wheel may stand still
 _USUAL_S = 1800.0  # for so long after what began like a spike and was none ...

@@ -1,4 +1,4 @@
-"""Readings that stand still although the wheel must have moved: a stuck reading, told from a wheel at steady speed.
+"""Readings that stand still although the wheel must have moved: a stuck reading, and no wheel at steady speed.
 
 The proof is by contradiction. As long as a reading repeats to the last bit, either it is alive, and then the wheel
 still turns at that speed v, or it is stuck. If it is alive, the torque at v is known from the estimator's belief of
@@ -19,10 +19,10 @@ Several steps of the reading in m, and the reading has not moved: it does not me
 is zero within its bounds, and the sum stays at zero for any length of time, whatever the resolution.
 
 Under a current that changes its sign the sum begins anew with every half period, and (1) doubts the gain at each
-instant as if it were another one. What all currents say together is asked beside it (eq. 3 and 4, `standing_proof`):
+instant as if it were another one. What all currents say together is tested beside it (eq. 3 and 4, `standing_proof`):
 at three standard deviations from the nearest wheel that would not have moved, the reading is stuck as well.
 
-A dead line may hum: the reading stays within some noises of one value and never repeats to the last bit. Asked with
+A dead line may hum: the reading stays within some noises of one value and never repeats to the last bit. Tested with
 `within_rad_s`, the same proof takes every reading within that of the first for a repetition; the bounds grow by as
 much, and the proof begins anew every half minute, for a speed that a controller holds is alive, and its friction ages.
 
@@ -111,7 +111,7 @@ class StuckWatch:
 
         within_rad_s: how far readings may lie apart and still count as one that repeats. first: what the configuration
         believes of the wheel, for where the estimator's belief can be no wheel's; else its belief at the first reading,
-        which may have been led astray by an earlier run.
+        which may have been corrupted by an earlier run.
         """
         self._step = max(step_rad_s, noise_rad_s)
         self._within = within_rad_s

@@ -62,7 +62,7 @@ def warmed(body: Body, now_degC: float, dt_s: float, lag_s: float) -> Body:
     """A body dt_s later, beside a thermometer that reads now_degC then, or nothing (no finite number).
 
     It follows by tau dT/dt = T_read - T (docs/effects.md eq. 10), exactly along the straight line from reading to
-    reading; where one is missing, as if the last one held, until the next tells. A time that does not go forward is
+    reading; where one is missing, as if the last one held, until the next reads. A time that does not go forward is
     another clock's, and how long the body has been there nobody knows: it is as warm as it is read, as at first.
     """
     acts, read, acted, since = body
@@ -91,7 +91,7 @@ def last_known(before: Columns, now: Columns) -> Columns:
 
 
 def columns_at(columns: Any, i: int) -> Columns:
-    """Those of a course, (n, 3), or (0, 3) where no law asks for one."""
+    """Those of a course, (n, 3), or (0, 3) where no law needs one."""
     if columns.shape[0] == 0:
         return math.nan, math.nan, math.nan
     return columns[i, 0], columns[i, 1], columns[i, 2]

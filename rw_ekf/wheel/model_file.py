@@ -48,7 +48,7 @@ class WheelModel:
     source: Mapping[str, Any] = field(default_factory=dict, hash=False)  # method, log, samples: for people
     effects: EffectSet = NO_EFFECTS
     wheel: WheelTag | None = None  # None: nobody knows whose it is
-    remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be said of the file it was read from
+    remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be reported of the file it was read from
     inertia_is_assumed: bool = False  # it is the default, whatever passed it on
     temperature_lag_s: float = 0.0  # by which the temperature that acts follows the one that is read
 

@@ -18,7 +18,7 @@ class WheelOutlook:
     """From when a command that is issued now acts: crossing, stick, effects and hidden states as in the filter.
 
     A delay of the model, or half the window of its readings, comes on top of the
-    command's delay. Temperature stays; the angle goes on with the speed.
+    command's delay. Temperature stays; the angle advances with the speed.
     """
 
     def __init__(

@@ -94,7 +94,7 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
     amperes, external, viscous, viscous_factor, dry_factor, dry = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(table.static_at.shape[0]):
         a = x[table.static_at[j]]
-        if a == 0.0:  # a hypothesis that is only asked for its slope
+        if a == 0.0:  # a hypothesis of which only the slope is needed
             continue
         q = table.static_shape[j]
         part = contribution(table.static_code[j], a, (q[0], q[1], q[2]), at)
@@ -269,7 +269,7 @@ def _begin(x: Any, table: EffectTable, slopes: bool, row: Any, end: Any) -> None
 def _lag(
     x: Any, table: EffectTable, stribeck: Stribeck, end: Any, omega: float, current: float, at: float, left: float
 ) -> tuple[float, float]:
-    """(length, mean current) of the next step under a current that lags behind; its state in `end` goes on with it.
+    """(length, mean current) of the next step under a current that lags behind; its state in `end` advances with it.
 
     at: time now [s]; left: until the current that is commanded ends [s]. One step does where a wheel goes evenly.
     """

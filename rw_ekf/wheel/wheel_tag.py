@@ -25,7 +25,7 @@ class WheelTag:
 
     @classmethod
     def of_identity(cls, identity: WheelIdentity | None, **rest: Any) -> WheelTag:
-        """The wheel that answers on a line; rest: the fields that the line does not tell."""
+        """The wheel that answers on a line; rest: the fields that the line does not give."""
         if identity is None:
             return cls(**rest)
         return cls(identity.serial_number, identity.kind, identity.version, **rest)

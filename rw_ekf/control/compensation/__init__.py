@@ -1,1 +1,1 @@
-"""Friction compensation: one scheme a file; an acceleration of the wheel is asked for, a current comes out."""
+"""Friction compensation: one scheme a file; an acceleration of the wheel is requested, a current comes out."""

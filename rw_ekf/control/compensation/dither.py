@@ -26,7 +26,7 @@ _ROUNDING = 1e-6  # of the amplitude over a cycle: below it, clocks are equal
 
 
 class DitherSignal(NamedTuple):
-    """The dither as it is asked for; a loop takes the nearest frequency that it can make.
+    """The dither as requested; a loop takes the nearest frequency that it can make.
 
     Not tuned by the peak of the attitude error, which does not depend on it: the threshold is the patent's, the
     amplitude what breaks the wheel free by itself, the frequency the highest at which a 10 Hz loop gives waves a shape.

@@ -7,7 +7,7 @@ from rw_ekf.records import Tick
 
 
 class DynamicModelCompensation:
-    """I = (a + f(omega)) / k; at rest f is the break-away friction in the direction that is asked for.
+    """I = (a + f(omega)) / k; at rest f is the break-away friction in the direction that is requested.
 
     omega is the filter's speed: the sign of a raw reading chatters (the friction changes sign with the noise). With
     parameters that are exact, and readings of 1 and 5 rpm noise, the raw speed costs 0.02 and 0.15 deg at the reversal

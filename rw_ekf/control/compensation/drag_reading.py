@@ -67,7 +67,7 @@ class DragReading:
         return lasted_s, min(max(drag_rad_s2, -_LARGEST_RAD_S2), _LARGEST_RAD_S2)
 
     def wanted(self, current_A: float) -> float:
-        """Note what is asked for [A], for wheels whose telemetry has no current; returns it."""
+        """Note what is requested [A], for wheels whose telemetry has no current; returns it."""
         return self._timeline.wanted(current_A)
 
     def _begin(self, speed_rad_s: float | None) -> None:

@@ -23,7 +23,7 @@ class GaussMarkov:
     """The friction: df/dt = -f / time_constant + white noise. Tuned: the noise."""
 
     walk_rad_s2_per_sqrt_s: float = 3.0
-    time_constant_s: float = 1000.0  # long: what of a constant friction is forgotten between readings is not told
+    time_constant_s: float = 1000.0  # long: what of a constant friction is forgotten between readings is negligible
 
 
 class FrictionKalman:

@@ -82,7 +82,7 @@ def parameters_of(state: WheelState) -> FrictionParameters:
 
 
 def speed_against(drive_rad_s2: float, speed_rad_s: float) -> float:
-    """The speed [rad/s] at which friction is asked for: of a wheel at rest that of the first motion by the drive."""
+    """The speed [rad/s] at which friction is evaluated: of a wheel at rest that of the first motion by the drive."""
     return math.copysign(_CREEP_RAD_S, drive_rad_s2) if speed_rad_s == 0.0 else speed_rad_s
 
 

@@ -49,7 +49,7 @@ class Mrac:
 
     For a wheel with friction b omega + c sgn(omega), de/dt = -(b + lambda) e + (c - C) sgn(omega), and
     V = e^2/2 + (c - C)^2/(2 gamma) falls as dV/dt = -(b + lambda) e^2: C is learned once, for both directions, and
-    changes its sign with the wheel. A wheel at rest is taken to move the way that it is asked to. On the filter's speed
+    changes its sign with the wheel. A wheel at rest is taken to move in the requested direction. On the filter's speed
     it is deaf to a drag that the filter's model knows not of, on the sign of readings it chatters: the model compared
     with readings and the filter's sign have neither.
     """

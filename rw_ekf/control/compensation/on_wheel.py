@@ -21,7 +21,7 @@ _STATED = {
 }
 _NO_NUMBER = "the scheme gives no number: nothing is added"
 _LONGEST_STEP_S = 1.0  # a gap does not fade anything in
-_QUIET_SHARE = 0.05  # of the break-away current: a smaller request asks for nothing that a standing wheel should do
+_QUIET_SHARE = 0.05  # of the break-away current: a smaller request demands nothing that a standing wheel should do
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class WheelCompensator:
         self._reported = self._now
 
     def __call__(self, tick: Tick) -> float:
-        """Return the current [A] to ask for after this tick's sample."""
+        """Return the current [A] to request after this tick's sample."""
         request = self._request(tick)
         plain_A = request / self._sheet.parameters.motor_gain
         elapsed_s = self._elapsed.step(tick)
@@ -79,7 +79,7 @@ class WheelCompensator:
         return plain_A + added_A
 
     def compensating(self, state: StateNow | None) -> CompensationNow:
-        """What it does after a turn in this state; the turn may have asked for no current, and ends it all the same."""
+        """What it does after a turn in this state; the turn may have requested no current, and ends it all the same."""
         if state is not None and state.state is not RunState.TRACKING:
             self._off(_trouble(state), self._now.parameters)
         now, reported = self._now, self._reported
@@ -137,12 +137,12 @@ class BoundedCurrent:
 
 
 def moving_share(speed_rad_s: float, slow_rad_s: float, request_A: float, breakaway_A: float) -> float:
-    """How much of a compensation acts on a slow wheel, 0 to 1: all of it where it turns, or is asked to.
+    """How much of a compensation acts on a slow wheel, 0 to 1: all of it where it turns, or is commanded to.
 
     Below slow_rad_s (the Stribeck speed) friction falls with speed, and which way the wheel turns is a matter of noise:
-    a compensation that overdoes it a little there drives the wheel by itself, to and fro. So a wheel that nothing is
-    asked of is left to its friction, which stops and holds it. From one to two times slow_rad_s the share grows to 1;
-    so it does with the request, up to 5 % of the break-away current.
+    a compensation that overdoes it a little there drives the wheel by itself, to and fro. So a wheel that
+    gets no request is left to its friction, which stops and holds it. From one to two times slow_rad_s the share grows
+    to 1; so it does with the request, up to 5 % of the break-away current.
     """
     turns = min(max(abs(speed_rad_s) / slow_rad_s - 1.0, 0.0), 1.0)
     quiet_A = _QUIET_SHARE * abs(breakaway_A)

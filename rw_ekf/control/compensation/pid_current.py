@@ -1,4 +1,4 @@
-"""No compensation: the current of the torque that is asked for, as in the current mode of [CK13] 4.1."""
+"""No compensation: the current of the torque that is requested, as in the current mode of [CK13] 4.1."""
 
 from __future__ import annotations
 

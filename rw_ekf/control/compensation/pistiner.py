@@ -1,6 +1,6 @@
-"""The offset of Pistiner's patent, as [S91] tells it: twice the Coulomb torque, noted shortly before the reversal.
+"""The offset of Pistiner's patent, as [S91] describes it: twice the Coulomb torque, noted shortly before the reversal.
 
-An integrating controller holds the friction of the side that the wheel comes from; what it asks for at 5 to 10 rpm,
+An integrating controller holds the friction of the side that the wheel comes from; what it requests at 5 to 10 rpm,
 less what is known (the disturbance that the wheel takes up, the viscous friction), is T_c. At the reversal friction
 changes by -2 T_c, and an offset of that is summed with the request for as long as the wheel is on the other side.
 """

@@ -32,7 +32,7 @@ _REST_SIGMAS = 3.0  # within so many the belief allows a wheel to stand
 
 
 class Payback(NamedTuple):
-    """How a shortfall of momentum is paid back: what was asked for, less what the believed speed gained.
+    """How a shortfall of momentum is paid back: what was requested, less what the believed speed gained.
 
     The noise of the belief must not reach the current: what lies within so many of its sigmas is not paid, and a wheel
     at rest is not moved for less than `least_rad_s`.
@@ -46,7 +46,7 @@ class Payback(NamedTuple):
 
 
 class PredictiveCrossing:
-    """The current with which the believed wheel ends the next interval with the momentum that was asked for."""
+    """The current with which the believed wheel ends the next interval with the momentum that was requested."""
 
     def __init__(self, rate_hz: float, noise: SpeedNoise | None = None, payback: Payback | None = None) -> None:
         """rate_hz: of the loop, whose period a current acts. noise: of the readings; None: the model is all."""
@@ -54,7 +54,7 @@ class PredictiveCrossing:
         self._wheel = None if noise is None else FollowedWheel(noise)
         self._payback = Payback() if payback is None else payback
         self._timeline = Timeline()
-        self._promised_rad_s: float | None = None  # speed where the next command acts, if what was asked for is done
+        self._promised_rad_s: float | None = None  # speed where the next command acts, if the request is met
         self._owed_rad_s = 0.0
         self._stood = False
 
@@ -102,7 +102,7 @@ class PredictiveCrossing:
         return self._wheel.ahead(known)
 
     def _stands(self, tick: Tick, known: WheelKnown, wanted: float) -> bool:
-        """Whether the wheel is taken to stand: its belief allows that, and says it, or nothing is asked for.
+        """Whether the wheel is taken to stand: its belief allows that, and says it, or nothing is requested.
 
         At rest the belief follows the noise of the readings about zero; friction that changed its sign with it, or that
         held a speed which is none, would never end. A wheel that does move loses no more by it than the belief's noise.
@@ -129,7 +129,7 @@ def owed_after(owed: float, promised: float, begin: float, period_s: float, pay:
 
 
 def paid(owed: float, wanted: float, begin: float, sigma: float, pay: Payback) -> float:
-    """What this interval gives beyond what is asked for [rad/s]; at rest all of what is due, or nothing of it."""
+    """What this interval gives beyond what is requested [rad/s]; at rest all of what is due, or nothing of it."""
     if begin == 0.0:
         return owed if abs(owed + wanted) > pay.least_rad_s else -wanted
     return math.copysign(pay.share * max(abs(owed) - pay.sigmas * sigma, 0.0), owed)

@@ -35,7 +35,7 @@ from rw_ekf.plugins import added, loaded_as, refused
 class WheelSheet:
     """What is known of a wheel before anything is estimated: nominal parameters, Stribeck speed, rate of the loop.
 
-    noise: as the filter is told; None: not known.
+    noise: as given to the filter; None: not known.
     """
 
     parameters: FrictionParameters

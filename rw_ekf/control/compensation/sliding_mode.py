@@ -1,6 +1,6 @@
 """Sliding mode with a boundary layer on the wheel's speed (Utkin 1977; Slotine and Li 1991, 7.2).
 
-The speed is to follow the integral of what is asked for; friction is a disturbance of which only a bound is known:
+The speed is to follow the integral of what is requested; friction is a disturbance of which only a bound is known:
 
     e = omega - omega_r,  s = e + lambda integral of e,    I = (a - lambda e - eta sat(s / phi)) / k
 

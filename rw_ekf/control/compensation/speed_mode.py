@@ -1,6 +1,6 @@
 """Speed mode, [CK13] 1: a loop in the wheel's own electronics holds a speed, and friction is inside that loop.
 
-The speed asked for is the integral of the acceleration; proportional and integral action hold the speed to it:
+The speed requested is the integral of the acceleration; proportional and integral action hold the speed to it:
 
     e = omega_r - omega,  omega_r = integral of a,    I = (a + 2 zeta w e + w^2 integral of e) / k
 
@@ -28,7 +28,7 @@ class SpeedLoop(NamedTuple):
 
 
 class SpeedMode:
-    """Holds the speed to the integral of what is asked for."""
+    """Holds the speed to the integral of what is requested."""
 
     def __init__(self, motor_gain: float, loop: SpeedLoop) -> None:
         """motor_gain: acceleration per ampere [rad/s^2/A]."""

@@ -28,7 +28,7 @@ class Timeline:
         return dt_s, self._wanted_A if sample.current_A is None else sample.current_A
 
     def wanted(self, current_A: float) -> float:
-        """Note what was asked for, for wheels whose telemetry has no current; returns it."""
+        """Note what was requested, for wheels whose telemetry has no current; returns it."""
         self._wanted_A = current_A
         return current_A
 

@@ -1,7 +1,7 @@
 """Whose parameters a compensation on a wheel is given: the filter's while they can be trusted, else the last trusted.
 
 No clock, no line: ticks go in. The set to fall back on is a minute old or more where there is one that old, because a
-filter that has gone astray did so some time before anybody noticed.
+filter that has diverged did so some time before anybody noticed.
 """
 
 from __future__ import annotations

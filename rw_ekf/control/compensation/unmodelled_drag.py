@@ -6,7 +6,7 @@ from tick to tick, and what the wheel does beyond it is a speed error e and a dr
 
     e' = e - s delta dt + w,   delta' = delta + r u sqrt(dt),   y = omega* + e + v,
 
-s the sign of the speed, w and v the noises that the filter is told, u white with variance 1. How fast the drag walks,
+s the sign of the speed, w and v the noises given to the filter, u white with variance 1. How fast the drag walks,
 r, is not known: hypotheses from "not at all" to "a spike" each have a filter of their own, and are weighted by their
 likelihood, changing over to one another at a low rate (Magill 1965; Blom and Bar-Shalom 1988). A wheel that the model
 explains keeps its weight on the first, which is the filter's own belief; a disturbance that is estimated beside the
@@ -30,7 +30,7 @@ _MOST_CHI_SQUARE = 60.0  # more says no more: every hypothesis is surprised
 
 
 class SpeedNoise(NamedTuple):
-    """What the filter is told of the noises of a wheel."""
+    """What the filter is given as the noises of a wheel."""
 
     speed_variance: float  # of a reading [rad^2/s^2]
     acceleration_density: float  # of a torque over the inertia [rad^2/s^3]
@@ -92,7 +92,7 @@ class UnmodelledDrag:
     def step(self, residual_rad_s: float, dt_s: float, sign: float) -> float:
         """Take a reading less what the model led to; return what the speed is beyond that [rad/s].
 
-        The caller goes on from the speed so corrected. sign: of the speed over the interval, -1 to 1; 0 where it stood.
+        The caller continues from that corrected speed. sign: of the speed over the interval, -1 to 1; 0 where it stood.
         """
         reported = [walk.step(residual_rad_s, dt_s, sign) for walk in self._walks]
         best, change = max(reported), min(dt_s / _CHANGES_S, 1.0)
@@ -111,7 +111,7 @@ class UnmodelledDrag:
         return error
 
     def begin(self, variance: float = 0.0) -> None:
-        """The caller goes on from a speed of another source, of a variance [rad^2/s^2]; 0 for a wheel that stands."""
+        """The caller continues from a speed of another source, of a variance [rad^2/s^2]; 0 for a wheel that stands."""
         for walk in self._walks:
             walk.begin(variance)
 

@@ -53,8 +53,8 @@ class LaggedFriction:
 class Walrath:
     """I = (a + mean of T_f over the coming interval) / k, with T_C and k of the estimator.
 
-    How tau is adapted is not said in [L17]: here ln tau is estimated by recursive least squares from what the drag
-    that was read differs from T_f, which depends on tau in a reversal only. At rest T_C acts the way that is asked.
+    How tau is adapted is not stated in [L17]: here ln tau is estimated by recursive least squares from what the drag
+    that was read differs from T_f, which depends on tau in a reversal only. At rest T_C acts the way requested.
     """
 
     def __init__(self, period_s: float, parameters: LagLearning) -> None:

@@ -1,8 +1,8 @@
 """`identification`: 600 s that show what the published profiles leave in the dark. Open loop, so it needs no estimate.
 
 Built for the wheel of [CK13] (Coulomb friction 38.6 mA) and checked for motor gain and friction 20 % off: such a wheel
-still reverses at every block and stays under 3000 rpm; no more than 0.4 A is ever asked for, and no change faster than
-4 A/s, so that the wheel gets what was asked for (the default `limits.slew_A_per_s` is 5).
+still reverses at every block and stays under 3000 rpm; no more than 0.4 A is ever requested, and no change faster than
+4 A/s, so that the wheel gets what was requested (the default `limits.slew_A_per_s` is 5).
 
 reversals   constant currents of both signs at several levels: motor gain, Coulomb friction, dead zone
 dwells      a kick, then just the Coulomb current: low speeds that hardly change

@@ -19,7 +19,7 @@ PROFILE_NAMES = ("sine", "zero", "steps", "random-sines", "identification", "P1"
 _LEAST_SHARE = 0.5  # of the amplitude: below it friction would hold many a wheel
 _CK13_DURATION_S = 300.0
 # [CK13] says "small amplitude", "low speeds", 24 crossings of zero in P1 and 9 in P2, but gives no ranges. These were
-# chosen so that the crossings come out, and what one run of P2 can tell about the parameters (its Cramer-Rao bound at
+# chosen so that the crossings come out, and what one run of P2 can show of the parameters (its Cramer-Rao bound at
 # 1 rpm and 10 Hz) is about 0.0026, 2e-5, 4.7e-4, 0.006.
 _P1_AMPLITUDE_A = (0.08, 0.16)
 _P1_PERIOD_S = (20.0, 30.0)
@@ -41,7 +41,7 @@ class Profile:
 
     name: str
     duration_s: float | None  # None: for ever
-    law: Callable[[float], float]  # time [s] -> current [A], asked for only within the duration
+    law: Callable[[float], float]  # time [s] -> current [A], evaluated only within the duration
     phase: Callable[[float], str] | None = None  # what it is at, by its time [s]; None: the same thing throughout
 
     def current_A(self, time_s: float) -> float:

@@ -65,7 +65,7 @@ class PiecewiseLinear:
 
 
 class DrawnCycles:
-    """Cycles of random length, drawn as far as they are asked for, always in the same order: so a function of time."""
+    """Cycles of random length, drawn as far as they are needed, always in the same order: so a function of time."""
 
     def __init__(self, draw: Callable[[], tuple[float, float]]) -> None:
         self._draw = draw  # gives (duration [s], amplitude [A]) of the next cycle

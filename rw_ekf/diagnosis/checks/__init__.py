@@ -1,1 +1,1 @@
-"""Whether a hypothesis stands: what is asked of an effect, of held-out figures, of what is left."""
+"""Whether a hypothesis stands: what is tested of an effect, of held-out figures, of what is left."""

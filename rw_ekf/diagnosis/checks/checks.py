@@ -22,7 +22,7 @@ from rw_ekf.model.effect_kinds import LawEffect, StribeckEffect
 
 @dataclass(frozen=True)
 class Check:
-    """One question asked of one effect of a hypothesis, and the answer."""
+    """One test of one effect of a hypothesis, and its result."""
 
     name: str
     effect: str
@@ -46,7 +46,7 @@ class Check:
 def checks(
     prepared: Prepared, search: Search, fit: Fit, effects: tuple[str, ...], selection: Selection
 ) -> Iterator[Check]:
-    """Every check of every effect of a fitted model, what costs most last: whoever asks may stop at one that fails."""
+    """Every check of every effect of a fitted model, what costs most last: the caller may stop at one that fails."""
     for name in effects:
         yield from of_size(search, fit, name)
         if not CATALOGUE[name].local_in_time:
@@ -63,7 +63,7 @@ def checks(
 
 
 def of_size(search: Search, fit: Fit, name: str) -> Iterator[Check]:
-    """What is asked of an effect's size."""
+    """What is tested of an effect's size."""
     yield _matters(search, fit, name)
     yield _of_known_size(fit, name)
     yield _of_possible_size(search, fit, name)
@@ -97,7 +97,7 @@ def _of_known_size(fit: Fit, name: str) -> Check:
 
 
 def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:
-    """Whether the record asks for it beside all else: an offset that friction by direction explains is not missed."""
+    """Whether the record requires it beside all else: an offset that friction by direction explains is not missed."""
     effect = CATALOGUE[name]
     statistic, _ = search.loss_without(fit, name)
     why = explained_by(*others) if others else Decision(Reason.NOT_SIGNIFICANT)

@@ -17,7 +17,7 @@ from rw_ekf.effects.external_torque import ExternalTorque
 from rw_ekf.likelihood.fitting import Fit
 
 _LINE = 0.05  # of the current's variance, in a line's width
-_OFF = 0.25  # lines' widths, that a frequency and a line told by the same record may be apart
+_OFF = 0.25  # lines' widths, that a frequency and a line found in the same record may be apart
 _OCTAVES = 10.0  # in which frequencies are sought, from a period and a half in the record up
 
 

@@ -46,7 +46,7 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> str | None
     lawful = not issubclass(CATALOGUE[name], LawEffect)
     if worse is not None and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
         ways = (way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more))
-        first = next(ways, None)  # of a law without a formula the other part is fitted only where this one cannot tell
+        first = next(ways, None)  # of a law without a formula the other part is fitted only where this cannot decide
         if first is None:
             worse = _worse(prepared, less, more, by_turns=True, clearly=True)
         elif lawful:

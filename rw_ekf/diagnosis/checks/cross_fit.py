@@ -1,6 +1,6 @@
 """Whether two parts of a record agree on an effect: what each makes of its size, everything else fitted there too.
 
-An effect of the wheel acts whenever its cause does; what one stretch of a record alone asks for is no effect. Along the
+An effect of the wheel acts whenever its cause does; what one stretch of a record alone needs is no effect. Along the
 whole record's trajectory everything is linear (docs/likelihood.md eq. 3-5), and its whitened rows are independent, the
 speed being continuous from block to block. So the rows of each part give a score and an information, and what they
 dispute is a chi-square (Cochran, 1954, "The combination of estimates from different experiments").
@@ -16,7 +16,7 @@ from rw_ekf.likelihood.model_vector import prior_rows
 
 
 def disputed_share(fit: Fit, name: str, part: BoolArray) -> float:
-    """What `part` (n,) and the rest dispute of an effect's coefficients, of what they ask for together (eq. 10b).
+    """What `part` (n,) and the rest dispute of an effect's coefficients, of what they call for together (eq. 10b).
 
     One that knows next to nothing of them disputes nothing.
     """
@@ -42,8 +42,8 @@ def expected_excess(fit: Fit, by_part: Fit, part: BoolArray) -> float:
     by_part: the same model fitted to that part, its speed free wherever a stretch of it begins. The trace of A C A^T
     over the rest's whitened rows A along the whole record, C the covariance of the model's vector by that fit
     (eq. 10e): next to nothing where torque noise hides most, a tenth where a model leaves none and the speed of half a
-    record has to be told from the other half's friction, and more than the noise itself where the part does not show
-    what the rest asks.
+    record has to be inferred from the other half's friction, and more than the noise itself where the part does not
+    show what the rest needs.
     """
     linearised, known = fit.linearised, fit.model.known
     _, A, _ = linearised.whitened(fit.noise.ratio, fit.noise.variance, linearised.jacobian, linearised.memory_jacobian)
@@ -72,7 +72,7 @@ def _score_and_information(
 
 
 def _chi_square(score: Float64Array, information: Float64Array) -> float:
-    """Chi-square of the coefficients that some rows ask for, where they say anything of them."""
+    """Chi-square of the coefficients that some rows call for, where they say anything of them."""
     scale = np.sqrt(np.maximum(np.diag(information), 1.0e-300))
     sizes, axes = np.linalg.eigh(information / np.outer(scale, scale))
     known = sizes > 1.0e-9

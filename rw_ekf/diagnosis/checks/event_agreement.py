@@ -1,7 +1,7 @@
 """What an event in time is worth on data that did not shape it: every other five seconds inside it.
 
-An event lives in one stretch of the record, so that blocks can neither find nor judge it. Whether it is there is asked
-of every other five seconds of it: they and all else have to agree on its size. How much is gained is told on those
+An event lives in one stretch of the record, so that blocks can neither find nor judge it. Whether it is there is tested
+on every other five seconds of it: they and all else have to agree on its size. How much is gained is measured on those
 seconds too, its coefficients fitted without them, and those readings predicted from what surrounds them. That is no
 test: five seconds between readings are bridged without the event nearly as well.
 """

@@ -161,7 +161,7 @@ def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Perfo
     record, split, noise, walk = prepared.record, prepared.split, fit.noise, walk_of(fit)
     followed = fit.model if walk is None else walk.model  # a walk is followed, and what lies ahead is as it last was
     model = followed.with_laws_as_curves
-    if lattice is not None:  # of the readings as they were read, as a filter with this model is told
+    if lattice is not None:  # of the readings as they were read, as given to a filter with this model
         variance = lattice.noise_rad_s**2 + GRID.variance(lattice.grid_rad_s)
         noise = Noise(variance, noise.ratio * noise.variance / variance)
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
@@ -231,7 +231,7 @@ def _horizon(
 
 
 def _observed_acceleration(record: Record, model: Model, noise: Noise, base: Fit) -> Float64Array:
-    """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model.
+    """What the smoothed speed requires beyond the model [rad/s^2], (n,), by an observer the same for every model.
 
     NaN where the base model has the wheel at rest: what does not move it is not seen, whatever the model.
     """
@@ -276,7 +276,7 @@ def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
 
 
 def percent_better(before: dict[str, Any], after: dict[str, Any]) -> float | None:
-    """Percent by which the error of `telling_figure` is smaller; None where no figure tells."""
+    """Percent by which the error of `telling_figure` is smaller; None where no figure decides."""
     key = telling_figure(before, after)
     if key is None or not before[key]:
         return None

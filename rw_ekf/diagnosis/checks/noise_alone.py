@@ -3,7 +3,7 @@
 Hat functions over time can follow a torque noise as well as any structure. Where a record has a noise that is barely
 seen beside that of its readings, a model with a dozen of them does without it, and gains more than chi-square of as
 many degrees of freedom has: of 60 healthy wheels four were accused so, at 4e-7 for one. The ratio of noises belongs to
-what is fitted, so the same regression is asked of records that have the fit's own noises and nothing else.
+what is fitted, so the same regression is run on records that have the fit's own noises and nothing else.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The grid that readings stand on, and what rounding to it does to a reading (docs/likelihood.md).
 
-The lattice asks whether the reading stands on a grid coarser than its noise. The evidence is the grid itself and the
+The lattice tests whether the reading stands on a grid coarser than its noise. The evidence is the grid itself and the
 likelihood of rounded readings, on both parts.
 """
 
@@ -99,7 +99,7 @@ def _log_cell(error: Float64Array, spread: Float64Array, grid: float) -> Float64
 
 
 def explained_variance(spread_rad_s: Float64Array, lattice: Lattice) -> Float64Array:
-    """Variance [rad^2/s^2], over all places in a cell, of what `rounding_error` tells at speeds known so well (n,).
+    """Variance [rad^2/s^2], over all places in a cell, of what `rounding_error` gives at speeds known so well (n,).
 
     Of a speed that is known it is that of the error which all readings there have in common: grid^2/12 of readings
     without noise, and nothing where noise of half the grid makes the mean of many readings the speed.

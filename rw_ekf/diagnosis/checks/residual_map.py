@@ -2,7 +2,7 @@
 
 Each dependence (speed, low speed, current, angle, temperature, time) is a set of functions that multiply a torque or a
 dry friction, entered into the same regression as an effect would be. Nothing in particular is assumed of the shape, and
-a dependence that the model's own parameters can follow counts for nothing. What bends anyhow is asked of all of them
+a dependence that the model's own parameters can follow counts for nothing. What bends anyhow is tested on all of them
 at once; what bends little, as most laws do, of the two smoothest of each kind, which weak structure does not drown in.
 """
 
@@ -25,12 +25,12 @@ from rw_ekf.model.effect import RecordFacts
 
 Kind = Literal["drag", "torque", "torque along the current", "motor gain"]
 
-_DOUBTED = 0.01  # a p-value below it is asked of noise alone
+_DOUBTED = 0.01  # a p-value below it is computed again from noise alone
 _SMOOTHNESS = 0.5  # of a quantity's range: over less a smooth law bends little
 _LEAST_SMOOTH = 1.0e-6  # of the largest: curves that bend more than a smooth law does at all
 _SMOOTHEST = 2  # curves of each kind that are tried by themselves
 _ORDERS = 4  # of the angle's sines and cosines
-_ANGLES = 49  # at which a curve over the angle is told
+_ANGLES = 49  # at which a curve over the angle is reported
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Cover:
 
     kind: Kind
     regressors: Float64Array  # (n, m)
-    at: Float64Array  # (k,) places at which a curve of them is told, in the quantity's own SI unit, the angle in rad
+    at: Float64Array  # (k,) places at which a curve of them is given, in the quantity's own SI unit, angle in rad
     functions: Float64Array  # (k, m) what they are there
     followed: Float64Array  # (m, j) coefficients of what the four parameters follow: no curve has them
 
@@ -88,7 +88,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
 
     def hatted(values: Float64Array, count: int, low: float, high: float, *kinds: tuple[Kind, Float64Array],
                open_end: bool = False) -> list[Cover]:  # fmt: skip
-        """open_end: without the last hat, which would go on beyond."""
+        """open_end: without the last hat, which would continue beyond."""
         kept = count - 1 if open_end else count
         shapes, at = hats(values, count, low, high)[:, :kept], np.linspace(low, high, count)
         curves = np.eye(count)[:, :kept]
@@ -105,7 +105,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
         # A drive short of voltage loses gain as the speed rises.
         "speed": [*hatted(size, 12, 0.0, top, *both), *hatted(size, 5, 0.0, top, gain)],
         "low speed": hatted(size, 5, 0.0, min(8.0 * facts.stribeck_speed_rad_s, top), *both, open_end=True),
-    }  # and no place is told at which the wheel has not been
+    }  # and no place is reported at which the wheel has not been
     if facts.top_current_A > 0.0:
         along: tuple[Kind, Float64Array] = ("torque along the current", drive * np.sign(current))
         covers["current"] = hatted(weak, 6, 0.0, facts.top_current_A, *both, along)

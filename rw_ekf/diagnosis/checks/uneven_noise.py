@@ -36,7 +36,7 @@ _SOURCES: tuple[Source, ...] = ("torque", "readings")
 
 _FEW, _DRAWS = 100, 400
 _WORTH_MORE = 0.01  # p by few draws: for a finding to have more their spread would have to be wrong by a half
-_AT = 0.05  # level at which the draws themselves tell how many windows are independent
+_AT = 0.05  # level at which the draws themselves show how many windows are independent
 _WIDTH, _STEP = 1.6, 1.25  # a window of speeds ends at so many times its beginning; the next begins so much further
 _OF_TOP_SPEED = ((0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.1), (0.0, 0.5), (0.25, 0.75), (0.5, 1.1))
 _OF_TOP_CURRENT = ((0.0, 0.1), (0.1, 0.25), (0.25, 0.5), (0.25, 1.1), (0.5, 1.1))
@@ -237,7 +237,7 @@ def _p_values(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, fl
 def _reading_sizes(fit: Fit, inside: BoolArray, used: BoolArray) -> tuple[float, float]:
     """The readings' noise in a window and in all else that was compared [rad/s], by what the fit leaves of each.
 
-    Zero where there are no readings on either side, as of a sensor that is new now and then: nothing is said of them.
+    Zero where there are no readings on either side, as of a sensor that is new now and then: nothing is stated of them.
     """
     white, sigma = left_over(fit), math.sqrt(fit.noise.variance)
     known = np.isfinite(white)

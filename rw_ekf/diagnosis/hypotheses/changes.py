@@ -39,7 +39,7 @@ def likeliest_change(profiled: Profiled, ground: Ground, facts: RecordFacts) -> 
     whole, squares, products = (
         np.concatenate(parts, axis=1) for parts in zip(*_sums(profiled, ground, tried), strict=True)
     )
-    # What each would gain at the model's own noises tells the likeliest place; the odds are asked of that alone.
+    # What each would gain at the model's own noises gives the likeliest place; the odds are computed for that alone.
     own = profiled.own
     seen = squares[own] > _SEEN * whole[own]
     gains = profiled.own_gains(squares[own], np.where(seen, products[own], 0.0))
@@ -77,7 +77,7 @@ def likeliest_spell(profiled: Profiled, ground: Ground, facts: RecordFacts) -> N
     column = _steps(ground, begins[best : best + 1]) - _steps(ground, ends[best : best + 1])
     of_each = [profiled.sums(i, column) for i in range(len(profiled.ratios))]
     factor, deviation = evidence_of_drawn(profiled, [(sums.gram, sums.products) for sums in of_each])
-    # All that was asked has been somewhere between any two places of the grid; near the best it was asked more finely.
+    # All that was evaluated lay somewhere between any two places of the grid; near the best the grid was finer.
     factor += float(np.logaddexp.reduce(rough - rough[j])) - math.log(rough.size)
     law = ground.law(float(begins[best]), float(ends[best]), np.array([VALUES]), np.array([deviation]))
     return Nameless(ground, factor, Term(SPELL, (0.0,), (0.0,), law=law))
@@ -174,7 +174,7 @@ def _at_likeliest_time(
     time_s = less.linearised.record.course.time_s
     begin_s, end_s = float(time_s[0]), float(time_s[-1])
     reach = (end_s - begin_s) / _PLACES
-    of_seconds = reach < 2.0 * _TIME_TOLERANCE_S  # such a record tells its times more finely
+    of_seconds = reach < 2.0 * _TIME_TOLERANCE_S  # such a record resolves its times more finely
     tolerance_s = _FINER * reach if of_seconds else _TIME_TOLERANCE_S
     while reach > tolerance_s:
         best = max(fits, key=lambda by: fits[by].likelihood.value)

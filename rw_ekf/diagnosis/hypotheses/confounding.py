@@ -1,7 +1,7 @@
 """What a record confounds by construction: a wheel that only slows down, or a temperature that only rises.
 
 In such a record time is a function of speed (or of temperature), so that an effect of the one is an effect of the
-other, whatever the likelihoods say of two particular shapes. Two questions are asked of the data, none of names: is one
+other, whatever the likelihoods say of two particular shapes. Two questions are put to the data, none of names: is one
 quantity a function of the other, and does an effect of the one say anything beside a smooth, otherwise unknown function
 of the other (docs/likelihood.md, "Confounded by construction")?
 """
@@ -27,7 +27,7 @@ _KNOTS = 12  # of a smooth function, as in the map of the residual
 
 
 def separates(other: Quantity) -> str:
-    """What would tell an effect of time from one of another quantity, where a record has them as one."""
+    """What would distinguish an effect of time from one of another quantity, where a record has them as one."""
     if other == "temperature":
         return (
             "temperature goes with time in this record: one in which the temperature falls again, or "
@@ -74,12 +74,12 @@ def function_share(record: Record, speed_rad_s: Float64Array, one: Quantity, oth
 
 
 def one_and_the_same(fit: Fit, one: Quantity, other: Quantity) -> bool:
-    """Whether the record cannot tell a function of one quantity from a function of the other."""
+    """Whether the record cannot distinguish a function of one quantity from one of the other."""
     return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > IS_ONE
 
 
 def may_confound(fit: Fit, one: Quantity, other: Quantity) -> bool:
-    """Whether it is worth asking `beside`: one quantity goes with the other at all."""
+    """Whether it is worth evaluating `beside`: one quantity goes with the other at all."""
     return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > IS_FUNCTION
 
 
@@ -99,7 +99,7 @@ def smooth_regressors(fit: Fit, quantity: Quantity, *, with_gain: bool = False) 
 
 
 def deferred(fit: Fit, strong: list[Score], facts: RecordFacts, enough: float) -> dict[str, Quantity]:
-    """Effects that go with time and must wait, by id: the record cannot tell them from one of this quantity.
+    """Effects that go with time and must wait, by id: the record cannot distinguish them from one of this quantity.
 
     That must be a contender, or in the model already: a law that holds at any time goes first.
     """

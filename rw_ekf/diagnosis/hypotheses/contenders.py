@@ -1,6 +1,6 @@
 """What may enter a model next: effects scored beside it, and the strongest fitted in full.
 
-A score ranks what is worth a fit and decides nothing; what a fit is worth is asked of the ledger (docs/likelihood.md,
+A score ranks what is worth a fit and decides nothing; what a fit is worth is decided by the ledger (docs/likelihood.md,
 "The ledger").
 """
 
@@ -29,7 +29,7 @@ _ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what o
 
 
 class Search:
-    """Finds and fits what a record may ask for beyond a model."""
+    """Finds and fits what a record may require beyond a model."""
 
     def __init__(
         self,

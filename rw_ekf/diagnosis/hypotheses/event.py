@@ -68,7 +68,7 @@ def settled_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
 
 
 def fitted_at(fit: Fit, score: Score, least_gain: float = -math.inf) -> Fit:
-    """A fit with an effect beside what it has, from its place; again along the filter's path where it went astray.
+    """A fit with an effect beside what it has, from its place; again along the filter's path where it gained little.
 
     least_gain: in log-likelihood; with less a fit need not go all ways.
     """

@@ -24,8 +24,8 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import Law
 
-_BRIEF_S = 20.0  # of a spell, or three decays: what lasts longer is no instant, and is not asked for one
-_INTERVALS = 250  # that are asked about one event; where there are more, evenly spread
+_BRIEF_S = 20.0  # of a spell, or three decays: what lasts longer is no instant, and is not tested as one
+_INTERVALS = 250  # that are tested for one event; where there are more, evenly spread
 _PLACES, _CELLS = 600, 8_000_000  # in a record, at which several are sought; of all their columns: 64 MB
 _MOST = 12  # of these
 
@@ -134,7 +134,7 @@ def _refined(profiled: Profiled, i: int, ground: Ground, rows: list[int], moves:
 
 
 def _timed(wanted: Iterable[Ground]) -> Ground | None:
-    """A torque over time; where a wheel turns one way, and none is asked, a drag."""
+    """A torque over time; where a wheel turns one way, and no torque is sought, a drag."""
     timed = {ground.acts_as: ground for ground in wanted if ground.quantity == "time"}
     return timed.get("torque", timed.get("drag"))
 

@@ -52,7 +52,7 @@ def likeliest_laws(fit: Fit, facts: RecordFacts, columns: Sequence[str] = ()) ->
     # Else a law of the speed, which holds at any time, goes first.
     found, has_a_clock = [], not one_and_the_same(fit, "time", "speed")
     wanted = [*grounds(fit, facts, columns)]
-    # Where it turns one way none is asked: a torque is a drag.
+    # Where it turns one way no torque is sought: a torque is a drag.
     torques = any(ground.quantity == "time" and ground.acts_as == "torque" for ground in wanted)
     for ground in wanted:
         if ground.quantity == "time":

@@ -22,7 +22,7 @@ from rw_ekf.model.effect import RecordFacts, Term
 _SIZES = (1.5, 60.0)  # of the smallest that matters
 _WORTH_MORE = 2.0  # gain in log-likelihood at a first look
 _FITTED, _NEAR = 5, 6.0  # orders that are fitted in full: so many, within this of the best
-_LEAST_REPORTED = 0.02  # probability of an order that is told
+_LEAST_REPORTED = 0.02  # probability of an order that is reported
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ def _worth_a_fit(found: list[FollowedOrder]) -> Iterable[FollowedOrder]:
 def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple[Fit, dict[float, float]]:
     """A fit with one ripple on an integrated angle, and how probable each order is: {} where that is no question.
 
-    less: without it. The amplitude's variance becomes that about the value told, over all orders: another order asks
-    for another amplitude. A fit may miss an order's best valley, and particles know the model's other parameters only
+    less: without it. The amplitude's variance becomes that about the value given, over all orders: another order has
+    another amplitude. A fit may miss an order's best valley, and particles know the model's other parameters only
     as they are without the ripple, so that the kinder of the two counts for an order, and half of it.
     """
     own = fit.terms_of(name)

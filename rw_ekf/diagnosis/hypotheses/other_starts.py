@@ -67,7 +67,7 @@ def with_laws_tried_again(fit: Fit, names: Iterable[str], facts: RecordFacts) ->
 
 
 def possible_fit(current: Fit, impossible: Fit, score: Score, facts: RecordFacts) -> Fit:
-    """The likeliest possible fit from other places of an effect, or the one that went astray where there is none."""
+    """The likeliest possible fit from other places of an effect, or the impossible one where there is none."""
     effect = score.effect
     if not effect.refined or effect.local_in_time:
         return impossible
@@ -91,7 +91,7 @@ def _apart(one: Score, other: Score) -> bool:
 def lower_valley(current: Fit, fit: Fit, trial: Trial) -> Fit | None:
     """The model before an effect entered, from where the fit with it stands, if the effect's gain is that of the way.
 
-    Asked where the size is known far worse than the gain would have it.
+    Tried where the size is known far worse than the gain would have it.
     """
     name = trial.effect.id
     if trial.effect.local_in_time or fit.knows(name, OWN_GAIN * math.sqrt(trial.statistic)):

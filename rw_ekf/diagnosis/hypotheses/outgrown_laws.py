@@ -30,7 +30,7 @@ def laws_left_behind(prepared: Prepared, effects: EffectSet) -> LeftBehind:
     """Those of the model's effects that do not stay there as they are at their edge.
 
     Held at its edge a law is off by nobody knows what, and what it is off by would be made up of torques, drifts and
-    changes that the machine does not have. Whether it is off is asked of the record: by a slope of the law beyond
+    changes that the machine does not have. Whether it is off is tested on the record: by a slope of the law beyond
     either edge, tested as `structure` tests all that a model may lack. One of which there is a doubt stays, and no law
     of time is learned where it is held (`grounds`).
     """

@@ -31,18 +31,18 @@ from rw_ekf.likelihood.one_step import Record
 from rw_ekf.model.effect import NO_SHAPE, REFERENCE_DEGC, Candidate, Term
 from rw_ekf.model.effect_kinds import FormulaEffect
 
-_SHORTEST_S = 2.0  # tried: friction does not tell a shorter lag from none, and a longer one goes on from it
+_SHORTEST_S = 2.0  # tried: friction does not distinguish a shorter lag from none, and a longer one starts from it
 _FACTOR = 2.5  # between lags that are tried
 _STEPS = (0.1, 0.02)  # of the logarithm of a lag, and of the temperature's range: over which a likelihood bends
 _EVALUATIONS = 60  # of the likelihood, for each number that is sought
-_FLAT = 1.0e-3  # of a log-likelihood over a step: flatter tells no width
+_FLAT = 1.0e-3  # of a log-likelihood over a step: flatter shows no width
 
 
 def with_likely_lag(prepared: Prepared, advance: Advance) -> Prepared:
     """The record with the temperature that acts late, where that makes laws of it likelier beyond doubt.
 
     As it is without a logged temperature, and where the model given has laws of a temperature that has no lag; with a
-    lag of the model's it is asked how warm the body was when each log began, and no more.
+    lag of the model's only how warm the body was when each log began is determined.
     """
     if prepared.temperature_lag is not None:
         return _as_warm_as_likely(prepared, prepared.temperature_lag)

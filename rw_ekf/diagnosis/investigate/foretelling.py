@@ -1,6 +1,6 @@
 """What a model foretells, where no likelihood can be believed: numbers by simulation, and laws that predict.
 
-A likelihood tells how well a model does if what it misses is noise. A machine on a bench has a flexible coupling, a
+A likelihood measures how well a model does if what it misses is noise. A machine on a bench has a flexible coupling, a
 belt, a drive with a law of its own; what is left then is no noise, whatever is added. Two questions remain that need no
 white noise: with which numbers does the model run free best, and does a law without a formula make that run better on
 the held-out part? No effect of the catalogue is named by them: a name is a cause, and wants its checks.
@@ -172,7 +172,7 @@ def _likeliest_rows(found: Found) -> list[Row]:
 
 
 def _are_sized(search: Search, row: Row, names: Iterable[str]) -> bool:
-    """Whether some effects of a row pass what is asked of a size."""
+    """Whether some effects of a row pass the tests of a size."""
     return all(check.passed for name in names for check in of_size(search, row.fit, name))
 
 

@@ -37,10 +37,10 @@ class Found:
     fit: Fit  # the final model on the whole record
     dependences: list[Dependence]  # of what it leaves
     left: list[Dependence]  # those that noise does not explain
-    new_ids: list[str]  # effects that the record asks for beyond the model it was given
+    new_ids: list[str]  # effects that the record requires beyond the model it was given
     is_unexplained: bool  # structure is left that outweighs what was found
     share: float  # of all the structure there was, what the effects explain, where some is left that they may not leave
-    reported: Fit  # the final model with the standard deviations that a person and the model's file are told
+    reported: Fit  # the final model with the standard deviations that the report and the model's file give
     nearest: Fit | None = None  # with what was named, where a law without a name is likelier
     unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
     orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle

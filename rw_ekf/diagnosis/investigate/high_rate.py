@@ -1,6 +1,6 @@
 """A record of a high rate: hypotheses are sought at a lower one, and what stands is decided at its own.
 
-The rows that a search at a lower rate found likeliest are fitted to every reading, and asked every check there.
+The rows that a search at a lower rate found likeliest are fitted to every reading, and put to every check there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def thoroughly_investigated(prepared: Prepared, advance: Advance) -> Found:
 
 
 def _on_all_of_it(prepared: Prepared, part: Found, advance: Advance) -> Found:
-    """What stands when every reading is asked, of what a search at a lower rate found likeliest."""
+    """What stands when every reading is used, of what a search at a lower rate found likeliest."""
     advance("fitting what was found to every reading")
     lattice, own = part.lattice, prepared
     if lattice is not None:
@@ -62,7 +62,7 @@ def _on_all_of_it(prepared: Prepared, part: Found, advance: Advance) -> Found:
 
 
 def _likeliest(part: Found) -> list[Row]:
-    """The row that stands, those that cannot be told from it, and the likeliest, whatever it was refused for."""
+    """The row that stands, those indistinguishable from it, and the likeliest, whatever it was refused for."""
     rivals = {id(rival.fit) for rivals in part.selection.rivals.values() for rival in rivals}
     own = {id(part.fit), id(part.selection.final), *rivals}
     rows = [row for row in part.ledger.rows if row.effects and WANDERING.id not in row.effects]

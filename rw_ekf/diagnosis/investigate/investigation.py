@@ -38,7 +38,7 @@ def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]
     """A fit with an effect of several laws, and how probable each is by its name.
 
     less: without it. All laws are as likely beforehand. The variances of the coefficient and of the four parameters
-    become those about the values told, over all laws: another one asks for other numbers.
+    become those about the reported values, over all laws: another one needs other numbers.
     """
     effect = CATALOGUE[name]
     fits = with_each_law(less, fit, name)
@@ -101,8 +101,8 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
     laws of those leave structure, the ledger grows on without waiting, and what stands then is kept if it leaves none;
     but not where time and speed are one and the same, because there a curve of time would take the place of whatever
     law of speed is missing. Then with effects too small to matter, if one is beyond doubt: what matters in practice is
-    asked of a wheel that is understood without it. A friction that wanders in no particular shape, which follows
-    anything that goes with time, is the last to be asked, and a rival of whatever follows the temperature.
+    decided on a wheel that is understood without it. A friction that wanders in no particular shape, which follows
+    anything that goes with time, is the last to be tried, and a rival of whatever follows the temperature.
     """
     search, facts, work_left = Search(prepared.record, prepared.facts, advance), prepared.facts, prepared.record.work
     found = _searched(prepared, search, *begun(prepared.base, facts), advance)
@@ -118,7 +118,7 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
 
 
 def beside_a_walk(found: Found, advance: Advance) -> Found:
-    """The same with a dry friction that wanders, where it is asked for: beside what was found, or in its place."""
+    """The same with a dry friction that wanders, where it is called for: beside what was found, or in its place."""
     work_left = found.prepared.record.work
     law = not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids)
     if law and not any(quantity_of(CATALOGUE[name]) == "temperature" for name in found.new_ids):
@@ -143,7 +143,7 @@ def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advan
 
 
 def _searched(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection, advance: Advance) -> Found:
-    # Where time goes with speed a curve of speed takes what an event does: it is asked when those have been.
+    # Where time goes with speed a curve of speed takes what an event does: it is tried after those.
     early = not may_confound(ledger.base, "time", "speed")
     ledger, selection = grown(search, ledger, selection, lambda fit: laws_beside(prepared, fit) if early else [])
     ledger, selection = chosen(prepared, search, ledger, selection)

@@ -1,12 +1,12 @@
 """Rows whose current is that of the interval before them: a logger that writes what it has just done.
 
-Read as it stands such a log has every command a row late, so that the machine moves before it is told to; a delay, a
+Read as it stands such a log has every command a row late, so that the machine moves before it is commanded; a delay, a
 lag and a mean over a window are late the other way. So the base model is fitted to the record read either way. Of 162
 simulated logs that are read as they should be none gains more than 4.6 in log-likelihood by the other reading; of 34
 that are a row late half gain more than 80. A machine that the base model does not describe may gain by it as by
 anything else: it counts where it is worth more than all that was found, each number of which costs what it does in BIC
 [Schwarz 1978]: another reading of the log has none. Half a row is what the current of a moment
-leaves as well, where a controller that is faster than the log goes on (`sampled_loop.py`).
+leaves as well, where a controller that is faster than the log keeps acting (`sampled_loop.py`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Laws without a formula as rows of the ledger, where a record asks for one (docs/likelihood.md).
+"""Laws without a formula as rows of the ledger, where a record calls for one (docs/likelihood.md).
 
 A law of the catalogue makes a definite prediction and pays for one or two numbers. A law of which no more is known than
 that it is smooth pays for its freedom, and for being rarer. Where it makes the record likelier all the same, what was

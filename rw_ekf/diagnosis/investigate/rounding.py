@@ -1,4 +1,4 @@
-"""Readings on a coarse grid: the grid is told, and the record is looked at again without what it did to the readings.
+"""Readings on a coarse grid: the grid is reported, and the record searched again without what it did to the readings.
 
 What rounding does to a reading is no noise: a slow wheel stays in one cell for many samples, and its error goes with
 the speed. So the residual shows it as a dependence on speed or angle, and effects that look like that are hidden by it
@@ -80,7 +80,7 @@ def lattice_of(prepared: Prepared, fit: Fit) -> Lattice | None:
 
 
 def without_rounding(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
-    """The same without what rounding did, the base model fitted anew: by turns, since either asks for the other."""
+    """The same without what rounding did, the base model fitted anew: by turns, since either needs the other."""
     changed = prepared
     for _ in range(_TURNS):
         changed = _corrected(prepared, trajectory, lattice)
@@ -91,7 +91,7 @@ def without_rounding(prepared: Prepared, trajectory: Trajectory, lattice: Lattic
 def _corrected(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
     """The same with the errors that readings along a trajectory have taken off them, and the base model fitted anew.
 
-    Where the wheel stays in a cell, nothing tells the error: it is left open, the same for all readings there. They
+    Where the wheel stays in a cell, nothing shows the error: it is left open, the same for all readings there. They
     are as good as free of noise then, and no measure of those of a wheel that moves: of these no fit may make less
     than half of what the correction leaves of them, so well as the trajectory is known.
     """

@@ -1,17 +1,17 @@
-"""Rows that hold the current of a moment, of a controller that goes on between them.
+"""Rows that hold the current of a moment, of a controller that acts between them.
 
 A speed controller answers the noise of each reading: I = ... - a v, with v of the reading in the same row. A controller
 that keeps step with the log drives the wheel with all of it until the next row, and every likelihood here holds as it
 stands, because a reading comes after the current that leads to it. One that is faster has forgotten the reading a
 hundredth of a second later: between rows the wheel is driven with less of v, a torque that is alien to the model and
 goes with the reading's noise. A fit follows it with torque noise, which takes the readings' noise for less than it is
-(two numbers, innovations white: nothing of second order tells the two apart), and viscous friction, laws of the current
+(two numbers, innovations white: nothing of second order distinguishes them), and viscous friction, laws of the current
 and knocks of what the controller did meanwhile come out of it.
 
 So what of the current answers the readings is taken off, and the mean of a row and the next put in its place. Where
 the controller is faster, torque noise falls (in logs at a fifth and a tenth of its rate to .14 to .84), and the
 readings' noise rises to what it is. In step with the log the wheel did feel what was taken off, and neither is so: of
-54 such logs with effects twice as large as are named, half of them with a sensor's noise in the current, none was told,
+54 such logs with effects twice as large as are named, half with a sensor's noise in the current, none was reported,
 of 60 healthy ones none. A controller that hardly answers leaves no more than a current that is half a row late
 (`late_rows.py`).
 """
@@ -31,10 +31,10 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.logs.row_rules import from_next_row
 from rw_ekf.numbers import number_text
 
-_FEWEST = 100  # rows that tell how the current answers
+_FEWEST = 100  # rows that show how the current answers
 _GROSS = 5.0  # noises: a step of the set-point
 _MEDIAN = 1.4826
-_OVERLAP = 1.5  # second differences of neighbouring rows share readings: of the variance of what they tell
+_OVERLAP = 1.5  # second differences of neighbouring rows share readings: of the variance of what they show
 _ANSWERS = 10.0  # standard deviations
 _SHARE, _MOST = 0.1, 2.0  # of the torque noise, that one reading's noise makes: in step with the log it is 7 and more
 _FALLS, _RISES = 0.85, 1.03  # to what the torque noise falls and the readings' rises, were it so

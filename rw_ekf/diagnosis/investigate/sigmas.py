@@ -1,4 +1,4 @@
-"""How well the numbers of an effect are known, as a person and the model's file are told.
+"""How well the numbers of an effect are known, as the report and the model's file give it.
 
 The curvature where a fit ended is not all: an onset and a decay that were settled are not known exactly, and a bristle
 that bends little is known worse on one side than its curvature says (docs/likelihood.md, "How well numbers are known").
@@ -84,7 +84,7 @@ def with_open_stribeck_speed(fit: Fit, facts: RecordFacts) -> Fit:
 def with_known_lag(found: Found) -> Found:
     """The same with how well the lag of the temperature is known; without it where nothing goes with the temperature.
 
-    Numbers of laws of the temperature are known by as much less. A lag that came with a model is not asked again.
+    Numbers of laws of the temperature are known by as much less. A lag that came with a model is not estimated again.
     """
     prepared, lag = found.prepared, found.prepared.temperature_lag
     if lag is None or not math.isnan(lag.std_s):

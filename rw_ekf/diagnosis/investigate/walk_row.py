@@ -1,4 +1,4 @@
-"""A dry friction that wanders with time, in no particular shape: the last that is asked."""
+"""A dry friction that wanders with time, in no particular shape: the last that is tried."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from rw_ekf.model.effect_kinds import LawEffect
 
 
 def chosen(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
-    """The likeliest row that passes every check, its rivals beside it; the ledger with what each row was asked.
+    """The likeliest row that passes every check, its rivals beside it; the ledger with the checks of each row.
 
     A row that is far less likely than one that a check refused does not stand for it, unless it is what is left of it.
     """
@@ -76,12 +76,12 @@ def _has_no_size_of(row: Row, rival: str) -> bool:
 
 
 def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
-    """With the rows that one cannot be told from: as likely, or what time does in a record that has it as one."""
+    """With the rows indistinguishable from one: as likely, or what time does in a record that has it as one."""
     rivals: dict[str, list[Rival]] = {}
     for name in row.effects:
         for other, item in ledger.in_place(row, name):
             ahead = item.weight - row.weight
-            lawful = issubclass(CATALOGUE[name], LawEffect)  # what a record has as one with a law was not asked
+            lawful = issubclass(CATALOGUE[name], LawEffect)  # what a record has as one with a law was not tested
             is_time_as_one = item.constructed and quantity_of(CATALOGUE[other]) == "time" and not lawful
             if (is_time_as_one or ahead > -INDISTINGUISHABLE) and not _has_no_size_of(item, other):
                 rival = Rival(other, item.fit, ahead, item.constructed or row.constructed)

@@ -54,7 +54,7 @@ def grown(
     """The ledger grown, and what became of each effect on the way.
 
     laws: beside a fit. Where one of the base model is likelier than all that was found beside that, it is a row from
-    then on: what else is searched for is asked beside it as well.
+    then on: what else is searched for is tried beside it as well.
     """
     done: set[Key] = set()
     for turn in range(MOST_GROWN):
@@ -141,7 +141,7 @@ def _with_laws(
 ) -> tuple[Ledger, Selection]:  # fmt: skip
     """With the likeliest laws beside a row, and each of those without every named effect, and every law, of the row.
 
-    ahead_of: only such as are likelier than this row, and go with no clock: a drift, or a walk, is asked after them.
+    ahead_of: only such as are likelier than this row, and go with no clock: a drift, or a walk, is tried after them.
     """
     least = 0.0 if ahead_of is None else max(ahead_of.weight - row.weight, 0.0)
     for law in [law for law in laws(row.fit) if ahead_of is None or not law.passes][:most]:

@@ -22,7 +22,7 @@ from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import OF_SPEED
 
 _MOST_REPORTED = 8  # rows that a document has, whatever became of them
-_ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
+_ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock shows, beside what holds at any time
 
 Key = frozenset[tuple[str, float, int]]
 
@@ -62,7 +62,7 @@ class Row:
     log_odds: float  # before the record was seen
     constructed: bool = False  # the record has an effect of it as one with that of another row: no likelihood decides
     waits: bool = False  # and that goes first
-    checks: tuple[Check, ...] = ()  # that were asked, up to one that it fails
+    checks: tuple[Check, ...] = ()  # that were made, up to one that it fails
 
     @property
     def key(self) -> Key:
@@ -111,17 +111,17 @@ class Ledger:
         return replace(self, rows=tuple(sorted(rows.values(), key=lambda row: (row.waits, -row.weight))))
 
     def with_checks(self, fit: Fit, *checks: Check) -> Ledger:
-        """With what the row of a model was asked, beside what it was asked before."""
+        """With these checks of a model's row, beside those made before."""
         key = key_of(fit)
         rows = (replace(row, checks=(*row.checks, *checks)) if row.key == key else row for row in self.rows)
         return replace(self, rows=tuple(rows))
 
     def unchecked(self) -> Ledger:
-        """With what no row was asked yet: whatever a check stands on has changed."""
+        """With no row checked yet: whatever a check stands on has changed."""
         return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
 
     def document(self, stands: Fit | None) -> list[dict[str, Any]]:
-        """The likeliest rows, the one that stands, the base model, and all that were asked anything."""
+        """The likeliest rows, the one that stands, the base model, and all that were checked at all."""
         key, bare = None if stands is None else key_of(stands), key_of(self.base)
         best = max((row.weight for row in self.rows if not row.waits), default=0.0)
         return [

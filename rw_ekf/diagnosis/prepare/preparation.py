@@ -58,14 +58,14 @@ _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known 
 
 
 _Given = TypeVar("_Given")
-Advance = Callable[[str], object]  # is told what is done next
+Advance = Callable[[str], object]  # is given what is done next
 
 
 class TemperatureLag(NamedTuple):
     """By which the temperature that acts follows the log's."""
 
     value_s: float
-    std_s: float = math.nan  # until it is told; 0 of a model's
+    std_s: float = math.nan  # until it is determined; 0 of a model's
     ahead_K: tuple[float, ...] = ()  # by which the body is warmer than its thermometer where each log begins
 
 
@@ -85,7 +85,7 @@ class Prepared:
     base: Fit  # of the whole record
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
-    in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
+    in_rpm: bool  # speeds are reported in rpm: of a wheel, and of any plant whose log has them so
     temperature_lag: TemperatureLag | None = None  # where the course's temperature is not as it was read
     levels: Levels | None = None  # of the current, where it was taken at these and had a noise of its own
     _of_fit: dict[tuple[str, int], tuple[Fit, Any]] = field(default_factory=dict)  # what, of which fit (its id)
@@ -300,7 +300,7 @@ def facts_of(
     timing_doubt_s: float = 0.0,
     log_starts_s: tuple[float, ...] = (),
 ) -> RecordFacts:
-    """What the catalogue asks of a record and its base model; channels: those logged."""
+    """What the catalogue needs to know of a record and its base model; channels: those logged."""
     model, speed_noise_rad_s = base.model, math.sqrt(base.noise.variance)
     speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     period = course.period_s

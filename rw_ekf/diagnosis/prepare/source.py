@@ -40,7 +40,7 @@ _SETTLING_TIMES = 15.0  # as long may be judged of a machine that settles fast: 
 
 @dataclass(eq=False, frozen=True)
 class Source:
-    """The log that is diagnosed, and what must be said of it first."""
+    """The log that is diagnosed, and what must be reported of it first."""
 
     log: WheelLog
     course: Course  # the same as filters read it, in a time that only grows
@@ -73,7 +73,7 @@ class Source:
 
 
 def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
-    """Look at the rows of each log, mend what is lost, and join them. given: columns that a model asks for.
+    """Look at the rows of each log, mend what is lost, and join them. given: columns that a model requires.
 
     Raises LogError for no log, wild values, and a log that is given twice.
     """
@@ -110,7 +110,7 @@ def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
 
 
 def _began_utc_s(log: WheelLog) -> float | None:
-    """When the log of a run began, by the metadata beside it; None where its clock does not tell all of its times."""
+    """When the log of a run began, by the metadata beside it; None where its clock does not give all of its times."""
     if log.whole is not None or len(log) == 0 or log.segment[-1] != log.segment[0]:
         return None
     try:
@@ -122,7 +122,7 @@ def _began_utc_s(log: WheelLog) -> float | None:
 
 
 def _columns(log: WheelLog, given: Sequence[str]) -> tuple[str, ...]:
-    """Columns that a law may be a function of: those that a model asks for, then others that move, three at most."""
+    """Columns that a law may be a function of: those that a model requires, then others that move, three at most."""
     moving = [name for name in log.further_columns if name not in given and _moves(log.numbers(name))]
     return tuple([*given, *moving][:MOST_COLUMNS])
 
@@ -164,7 +164,7 @@ def _unfit(log: WheelLog, course: Course) -> str | None:
 
 
 def _settling_time_s(course: Course) -> float:
-    """Roughly the time in which the machine settles [s]; infinite where the record does not tell.
+    """Roughly the time in which the machine settles [s]; infinite where the record does not show it.
 
     A motor that is fed a voltage settles within a tenth of a second: three seconds of it are thirty such times.
     """

@@ -74,7 +74,7 @@ def split_record(
     Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of several logs
     (log_of: (n,), which one a sample is of) that are shorter than a block every other one is held out, whole. Of a
     record beyond 50,000 samples only so many blocks are looked at, in pairs evenly spread over those in which the wheel
-    turns; `looked_at` tells which.
+    turns; `looked_at` states which.
     """
     elapsed = running_time(time_s, segment)
     duration = float(elapsed[-1]) if elapsed.size else 0.0

@@ -100,7 +100,7 @@ def binned_means(
 ) -> BinnedMeans:
     """Means of y over the bins given by (m + 1,) edges, neighbours joined until there is enough for a mean.
 
-    correlation: samples that count as one. lever (n,), about one in size: y is asked per unit of it, by least squares;
+    correlation: samples that count as one. lever (n,), about one in size: y per unit of it is found, by least squares;
     None: ones.
     """
     usable = mask & (x >= edges[0]) & (x <= edges[-1]) & np.isfinite(y)

@@ -1,6 +1,6 @@
 """What the pictures of a report share: colours, axes, legend, PNG bytes.
 
-Colours are told apart by a colour-blind eye. Pictures of a diagnosis are half a page wide: a phone shows their words.
+A colour-blind eye distinguishes the colours. Pictures of a diagnosis are half a page wide: a phone shows their words.
 """
 
 from __future__ import annotations

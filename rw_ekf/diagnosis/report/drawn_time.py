@@ -45,7 +45,7 @@ class Timeline:
 
 
 def timeline(time_s: Float64Array) -> Timeline:
-    """Time since the first sample of (n,) time stamps [s]; where they restart, time goes on by a usual step."""
+    """Time since the first sample of (n,) time stamps [s]; where they restart, time continues by a usual step."""
     if time_s.size == 0:
         return Timeline(time_s, "s")
     step_s = np.diff(time_s)

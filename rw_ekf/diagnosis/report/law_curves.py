@@ -25,7 +25,7 @@ _POINTS = 300
 
 
 def law_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
-    """A curve for each law of the model that the record asked for; none where nothing was added."""
+    """A curve for each law of the model that the record called for; none where nothing was added."""
     model, after = diagnosis.model, diagnosis.after
     if model is None or after is None:
         return []

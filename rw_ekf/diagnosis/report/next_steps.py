@@ -100,7 +100,7 @@ def excitation_of(document: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _separation(group: list[str]) -> str:
-    """What tells the members of a confounded class apart, as the catalogue has it."""
+    """What distinguishes the members of a confounded class, as the catalogue has it."""
     sentence = f"{_listed(group)} look the same in this log"
     hints: list[str] = []
     for one, other in combinations(group, 2):

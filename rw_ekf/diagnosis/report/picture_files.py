@@ -1,4 +1,4 @@
-"""The pictures of a page, each written as it is drawn, and what is said of those that cannot be."""
+"""The pictures of a page, each written as it is drawn, and what is reported of those that cannot be."""
 
 from __future__ import annotations
 

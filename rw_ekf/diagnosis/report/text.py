@@ -75,7 +75,7 @@ def _effects(rows: Sequence[CandidateRow]) -> list[str]:
 
 
 def _left(document: Mapping[str, Any]) -> list[str]:
-    """What the catalogue does not explain, in words, and which record would tell more."""
+    """What the catalogue does not explain, in words, and which record would show more."""
     shapes = list(document.get("shapes") or ())
     if not shapes:
         return []

@@ -159,7 +159,7 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
 
 
 def _or_another(effect: str, verdict: Mapping[str, Any]) -> str:
-    """An effect that was named, and what the log cannot tell from it, the most probable first."""
+    """An effect that was named, and what the log cannot distinguish from it, the most probable first."""
     chances = verdict.get("posterior") or {}
     group = next((list(group) for group in verdict.get("indistinguishable") or () if effect in group), [effect])
     alike = sorted(group, key=lambda name: -(number_of(chances.get(name)) or 0.0))

@@ -1,1 +1,1 @@
-"""What is said of a record: probabilities, words, the document."""
+"""What is reported of a record: probabilities, words, the document."""

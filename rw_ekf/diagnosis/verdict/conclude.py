@@ -1,4 +1,4 @@
-"""From what was found to a diagnosis: figures, probabilities, the verdict, and the model that goes on from it."""
+"""From what was found to a diagnosis: figures, probabilities, the verdict, and the model that follows from it."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def judgement(found: Found, advance: Advance) -> Judged:
 
 
 def _duration(time_s: Float64Array, segment: Int64Array, part: BoolArray) -> float:
-    """How long a part (n,) of a record goes on [s], pauses between segments left out."""
+    """How long a part (n,) of a record lasts [s], pauses between segments left out."""
     inside = part[1:] & part[:-1] & (np.diff(segment) == 0)
     return float(np.diff(time_s)[inside].sum())
 
@@ -140,7 +140,7 @@ def _trace_over_log(trace: ModelTrace, kept: BoolArray) -> ModelTrace:
 def named_grid(found: Found) -> tuple[Lattice, Performance] | tuple[None, None]:
     """The readings' grid, and the figures with it, where it is coarser than what held-out readings are missed by.
 
-    One-step errors may be small where noise goes on from reading to reading: a grid that is lost in what a free run
+    One-step errors may be small where noise persists from reading to reading: a grid that is lost in what a free run
     misses is nothing to anybody, unless errors are smaller for knowing it.
     """
     lattice = found.lattice

@@ -112,7 +112,7 @@ def _left_out(prepared: Prepared) -> list[str]:
 
 
 def base_parameters(fit: Fit) -> dict[str, dict[str, Any]]:
-    """The four friction parameters of a fit, as the candidates' parameters are told: name to value, std and unit."""
+    """The four friction parameters of a fit, as the candidates' parameters are given: name to value, std and unit."""
     return {
         name: {"value": value, "std": float(std), "unit": STATE_UNITS[name]}
         for name, value, std in zip(PARAMETER_NAMES, fit.model.parameters, fit.std[:PARAMETER_COUNT], strict=True)
@@ -170,7 +170,7 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
 def in_words(entries: list[dict[str, Any]]) -> None:
     """Replace decisions by their words.
 
-    Only what is in the model explains anything; what looked like a cause that was rejected is said to.
+    Only what is in the model explains anything; what looked like a rejected cause is reported as that.
     """
     decisions: dict[str, Decision] = {entry["effect"]: entry["decision"] for entry in entries}
     stand = {name for name, decision in decisions.items() if decision.reason in {Reason.ADDED, Reason.GIVEN}}
@@ -249,7 +249,7 @@ def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
 
 
 def _of_no_use(lattice: Lattice | None, *, in_rpm: bool) -> list[str]:
-    """What is said of a grid that is not named, if there is one."""
+    """What is reported of a grid that is not named, if there is one."""
     if lattice is None:
         return []
     size = f"{rpm_from_rad_s(lattice.grid_rad_s):.4g} rpm" if in_rpm else f"{lattice.grid_rad_s:.4g} rad/s (or m/s)"

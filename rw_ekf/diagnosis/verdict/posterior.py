@@ -1,7 +1,7 @@
 """How probable each effect is, what is not in the catalogue included (docs/active-diagnosis.md).
 
 Those of the explanations that were weighed follow from their evidence. What is in no catalogue has none; that it is
-there is told by what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on
+there is seen in what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on
 others. A torque noise that is not the same everywhere counts half as much.
 """
 
@@ -80,13 +80,13 @@ def something_else(found: Found, noise_p: float, residual_p: float) -> float:
 
 
 def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
-    """Effects of a verdict that are, with all that cannot be told from them, less likely than not."""
+    """Effects of a verdict that are, with all that cannot be distinguished from them, less likely than not."""
     return [name for name in found.new_ids if _with_rivals(found, name, posterior) < 0.5]
 
 
 def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:
-    # What is likelier than what stands by more than cannot be told was refused there, and speaks for nothing named; but
-    # for what the record has as one with it by construction, which only waited.
+    # What is likelier than what stands by more than INDISTINGUISHABLE was refused there, and speaks for nothing named;
+    # but for what the record has as one with it by construction, which only waited.
     rivals = {
         rival.name
         for rival in found.selection.rivals.get(name, ())

@@ -23,7 +23,7 @@ from rw_ekf.numbers import number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM
 
 _MOST = 3  # dependences that are drawn: of one cause, most of them bend
-_CLEAR_SIGMAS = 5.0  # of a curve that is told by its rise
+_CLEAR_SIGMAS = 5.0  # of a curve that is described by its rise
 _WORDS: dict[Kind, str] = {
     "drag": "drag",
     "torque": "a torque, whichever way the wheel turns,",
@@ -31,7 +31,7 @@ _WORDS: dict[Kind, str] = {
     "motor gain": "the motor gain",
 }
 _LEAST_SIGMAS = 2.0  # of a peak that a sentence is made of
-_UNSUPPORTED = 8.0  # times the usual sigma: where a record hardly was, nothing is told
+_UNSUPPORTED = 8.0  # times the usual sigma: where a record hardly was, nothing is reported
 _RECORDS = {
     "speed": (
         "a log that stays at several speeds there for a minute each and goes through all others slowly, both ways "
@@ -59,12 +59,12 @@ _RECORDS = {
         "a log with the angle (`angle_rad`) from a sensor, at slow and at fast speeds: `rw-ekf excite identification`, "
         "as many rows a second as the wheel gives"
     ),
-}  # which record would tell more
+}  # which record would show more
 
 
 @dataclass(frozen=True)
 class Axis:
-    """How a quantity is told."""
+    """How a quantity is reported."""
 
     unit: str
     scale: float  # SI of one such unit
@@ -72,7 +72,7 @@ class Axis:
 
 @dataclass(eq=False, frozen=True)
 class Curve:
-    """A curve as it is told, (k,) arrays; times since the log's start."""
+    """A curve as it is reported, (k,) arrays; times since the log's start."""
 
     at: Float64Array
     value: Float64Array

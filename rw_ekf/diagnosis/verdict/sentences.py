@@ -27,10 +27,10 @@ from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 _REPORTED = ("free_run_rms_rpm", "horizon_20s_rms_rpm", "one_step_rms_rpm")  # the first of these that there is
 _REPORTED_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
-_SURE = 0.95  # probability of an order beside which no other is told
+_SURE = 0.95  # probability of an order beside which no other is reported
 _ORDERS_REPORTED = 4
 _REPEATS_REPORTED = 3  # ripples, or torques with a period, the largest
-_BLURRED = 0.25  # share by which squared errors held out grow for want of knowledge, and which is told
+_BLURRED = 0.25  # share by which squared errors held out grow for want of knowledge, and which is reported
 
 
 def measured_by_little(found: Found, *, by_turns: bool) -> str:
@@ -154,7 +154,7 @@ def or_another_order(found: Found, name: str) -> str:
 
 
 def separation(group: list[str], posterior: dict[str, float], selection: Selection) -> str:
-    """What would tell the members of a group apart."""
+    """What would distinguish the members of a group."""
     first, *others = group
     same = selection.one_by_construction(first)
     ways = dict.fromkeys(

@@ -17,8 +17,8 @@ from rw_ekf.wheel.model_file import WheelModel
 def sentence_since_model(found: Found, model: WheelModel) -> str:
     """Which parameters this record has otherwise than the model that was given; nothing where it has them so.
 
-    By the test that tells a replay when a log contradicts its model. Where an effect is new, or the record is
-    unexplained, the parameters beside it mean something else, and nothing is said.
+    By the test by which a replay finds that a log contradicts its model. Where an effect is new, or the record is
+    unexplained, the parameters beside it mean something else, and nothing is reported.
     """
     if found.new_ids or found.is_unexplained:
         return ""

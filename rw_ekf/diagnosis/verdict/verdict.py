@@ -1,4 +1,4 @@
-"""From fits to a verdict: what is named, what cannot be told apart, and one sentence a person can act on."""
+"""From fits to a verdict: what is named, what cannot be distinguished, and one sentence a person can act on."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Evidence:
 
 
 def verdict_on(shown: Evidence) -> Verdict:
-    """What is said of a record, from what was found in it."""
+    """What is reported of a record, from what was found in it."""
     found, elsewhere = shown.found, shown.posterior.get(SOMETHING_ELSE, 0.0)
     named = bool(found.new_ids) or shown.lattice is not None
     if found.is_unexplained and not _is_chance(shown):
@@ -248,7 +248,7 @@ def _effects_in(posterior: dict[str, float]) -> list[str]:
 
 
 def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:
-    """Each effect with those that the data cannot tell from it, the most probable of them."""
+    """Each effect with those that the data cannot distinguish from it, the most probable of them."""
     groups: list[list[str]] = []
     for name in chosen:
         constructed = selection.one_by_construction(name)

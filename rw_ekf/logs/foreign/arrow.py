@@ -20,7 +20,7 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         is_file = stream.read(len(_FILE)) == _FILE
         stream.seek(0)
         table = (ipc.open_file if is_file else ipc.open_stream)(stream).read_all()
-    table.validate(full=True)  # arrow believes offsets and lengths in a file unless it is asked to look at them
+    table.validate(full=True)  # arrow believes offsets and lengths in a file unless it is called to check them
     return of_arrow(table, name)
 
 

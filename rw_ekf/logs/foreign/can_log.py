@@ -25,7 +25,7 @@ _DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     """Messages as groups, their signals in their units. Raises LogError without a fitting database.
 
-    Where the map names none, it is the one in the log's folder that knows most of its ids, which is said.
+    Where the map names none, it is the one in the log's folder that knows most of its ids, which is reported.
     """
     database = columns.dbc or _fitting(path, name)
     messages = _messages(database)

@@ -49,7 +49,7 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
 
     Of groups of several wheels those of the map's `wheel` alone. All are put on the times of the one with most rows.
     Joined, a column is called `group.channel` and has at each time the last value known by then, NaN before the first.
-    What is joined are the columns that the map asks for; all of them where one that it asks for is not there.
+    What is joined are the columns that the map requires; all of them where one that it requires is not there.
     Raises LogError if `variable` names no group, EmptyLogError if no group holds a number.
     """
     groups = _distinct([group for group in groups if group.rows and group.channels])
@@ -71,7 +71,7 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
         raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
     own = [group for group in groups if group.channels.keys() >= OWN_COLUMNS]
     if len(own) == 1 and all(column is None or column in own[0].channels for column in _wanted(columns)):
-        return _table(name, _of_all_rows(own[0]), own[0])  # its own time is the one that counts, not when it was told
+        return _table(name, _of_all_rows(own[0]), own[0])  # its own time is the one that counts, not when it was sent
     if len(groups) == 1:
         return _table(name, _alone(groups[0]), groups[0])
     timed = [group for group in groups if group.time_s is not None]

@@ -31,7 +31,7 @@ _DOCUMENTS = re.compile(  # of a header with its stamp, as messages of ROS begin
 _BETWEEN = re.compile(r"^---[ \t]*\r?\n", re.MULTILINE)
 _DEEPEST = 8
 _ROWS = ("data", "rows", "values")  # what rows beside `columns` are called
-_JOURNAL = ("__REALTIME_TIMESTAMP", "MESSAGE")  # systemd's: the time in us from 1970, and what was said
+_JOURNAL = ("__REALTIME_TIMESTAMP", "MESSAGE")  # systemd's: the time in us from 1970, and what was logged
 _TRUTH = {"true": 1.0, "false": 0.0}
 
 
@@ -84,7 +84,7 @@ def _logged(document: Any, name: str) -> bytes | None:
     """The lines that Loki answers, in order of time, each behind its time [s] from 1970; None for any other document.
 
     (grafana.com/docs/loki/latest/reference/loki-http-api: `resultType` "streams", times in ns.) Raises LogError where
-    more than the level of its lines tells one stream from another.
+    more than the level of its lines distinguishes one stream from another.
     """
     streams = _queried(document, "streams")
     if streams is None:
@@ -105,8 +105,8 @@ def _stamped(lines: Iterable[tuple[int, str]]) -> bytes:
 def _series(document: Any) -> list[Group] | None:
     """The series of a range that Prometheus answers, those of the same times together; None for any other document.
 
-    Each is called what its metric is, after the labels that tell it from others of that name. Times are in s from 1970
-    (prometheus.io/docs/prometheus/latest/querying/api: `resultType` "matrix").
+    Each is called what its metric is, after the labels that distinguish it from others of that name. Times are in s
+    from 1970 (prometheus.io/docs/prometheus/latest/querying/api: `resultType` "matrix").
     """
     result = _queried(document, "matrix")
     if result is None:
@@ -283,7 +283,7 @@ def _as_list(value: Any) -> list[Any] | None:
 
 
 def _beside(document: Mapping[str, Any], columns: set[str]) -> dict[str, Any]:
-    """What is said beside columns; of a column that is an object, what it holds beside its list."""
+    """What is stated beside columns; of a column that is an object, what it holds beside its list."""
     kept = {
         key: value
         for key, value in document.items()

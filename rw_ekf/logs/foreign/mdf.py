@@ -21,7 +21,7 @@ from rw_ekf.logs.foreign.format_library import Library, foreign_format
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
 from rw_ekf.logs.raw_table import RawTable
 
-_IS_TIME = (0, 1)  # sync_type of a master channel: not said, time
+_IS_TIME = (0, 1)  # sync_type of a master channel: not stated, time
 _LONGEST_NAME = 60
 _CHILD = (
     "import json, sys; path, file = json.loads(sys.argv[1]); sys.path[:] = path; "

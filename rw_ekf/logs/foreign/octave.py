@@ -75,7 +75,7 @@ def variables(written: str) -> dict[str, Any]:
 
 
 def _value(text: _Text) -> Any:
-    """The value whose type is told next; None for one of another type."""
+    """The value whose type is stated next; None for one of another type."""
     kind = text.stated("type")[1].removeprefix("global ")
     if kind in ("string", "sq_string"):
         return np.array([_string(text) for _ in range(int(text.stated("elements")[1]))])

@@ -70,7 +70,7 @@ def _group(
 
 
 def _further(properties: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said of a channel but for its timing, and what LabVIEW has for itself, as scales that are applied."""
+    """What is stated of a channel but for its timing, and what LabVIEW has for itself, as scales that are applied."""
     return {key: value for key, value in properties.items() if not key.startswith(("wf_", "NI_"))}
 
 

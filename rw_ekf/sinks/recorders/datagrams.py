@@ -34,7 +34,7 @@ class Datagrams:
     """Sends and never waits. That nobody listens is no fault; what the system did not take is counted."""
 
     def __init__(self, sink: str, place: str, missed: Callable[[int, str], None], say: Note) -> None:
-        """missed: told of ticks that were not sent, and why. say: told where the name of the place is waited for.
+        """missed: called for ticks that were not sent, with why. say: called where the name of the place is waited for.
 
         Raises OSError for a HOST:PORT that is none.
         """

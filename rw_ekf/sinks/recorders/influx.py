@@ -137,7 +137,7 @@ class _Http:
         self._waiting: deque[list[bytes]] = deque()
         self._due_s = clock.monotonic() + _SEND_EVERY_S
         self._most = _MOST_WAITING  # ticks of a batch
-        self._event: str | None = None  # what was said of the outage
+        self._event: str | None = None  # what was reported of the outage
         self._reason: str | None = None  # why the last batch was not taken
 
     def put(self, lines: list[bytes]) -> None:
@@ -176,7 +176,7 @@ class _Http:
         self._due_s = self._clock.monotonic() + _SEND_EVERY_S
 
     def _refused(self, error: urllib.error.HTTPError, ticks: int) -> None:
-        """The server is there: rows that it will never take are given up, for all others it is asked again."""
+        """The server is there: rows that it will never take are given up, all others are sent again."""
         stated = ""
         with contextlib.suppress(OSError, HTTPException), error:
             stated = " ".join(error.read(_SHOWN_BYTES).decode("utf-8", "replace").split())
@@ -199,7 +199,7 @@ class _Http:
             self._waiting.popleft()
 
     def _wait(self, event: str, reason: str, do: str) -> None:
-        """Until the next try. It is said with the first of an outage, and where it becomes another."""
+        """Until the next try. It is reported with the first of an outage, and where it becomes another."""
         if self._event != event:
             self._say(event, reason=reason, do=do)
         self._event, self._reason = event, reason

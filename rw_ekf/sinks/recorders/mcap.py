@@ -25,7 +25,7 @@ _INFO, _WARNING = 2, 3  # foxglove.Log
 
 
 class McapRecorder:
-    """Appends each tick; the file goes on in parts as the log does, and gets its index when it grows no more."""
+    """Appends each tick; the file continues in parts as the log does, and gets its index when it grows no more."""
 
     leaves_file = True
 

@@ -1,7 +1,7 @@
 """A run over MQTT: each tick on TOPIC, its state retained on TOPIC/state, events on TOPIC/event.
 
 The broker itself says "offline" on TOPIC/state where the run vanishes (the last will). Where the broker is gone the
-run goes on, what it would have sent is counted, and the library's own thread tries to reach it again.
+run continues, what it would have sent is counted, and the library's own thread tries to reach it again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A run as Prometheus takes it: /metrics in the text exposition format 0.0.4, made when somebody asks."""
+"""A run as Prometheus takes it: /metrics in the text exposition format 0.0.4, made on request."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class TextServer:
     """Answers GET of one path. A client that stalls, floods or speaks anything else costs nobody but itself."""
 
     def __init__(self, place: str, path: str, page: Callable[[], str], content_type: str) -> None:
-        """Listen at HOST:PORT. page: asked for each request. Raises OSError if the place cannot be had."""
+        """Listen at HOST:PORT. page: called for each request. Raises OSError if the place cannot be had."""
         host, port = host_and_port(place)
         self._socket = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET, backlog=_MOST_OPEN
@@ -61,7 +61,7 @@ class TextServer:
                     writer.close()
                     await writer.wait_closed()
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            pass  # it has gone, or said nothing that is a request
+            pass  # it has gone, or sent nothing that is a request
         finally:
             self._open -= 1
             writer.transport.abort()
@@ -75,7 +75,7 @@ class TextServer:
             return _response("404 Not Found", "text/plain", f"the page is {self._path}\n")
         try:
             whole = _response("200 OK", self._type, self._page())
-        except Exception as error:  # noqa: BLE001 - whatever it is, who asks is told, and may ask again
+        except Exception as error:  # noqa: BLE001 - whatever it is, the client is notified, and may request again
             return _response("500 Internal Server Error", "text/plain", f"{type(error).__name__}: {error}\n")
         return whole if method == "GET" else whole.partition(b"\r\n\r\n")[0] + b"\r\n\r\n"
 
