@@ -46,7 +46,9 @@ def found_in(name: str) -> Diagnosis:
         pytest.param(
             "gain by bus voltage", "bus_voltage_V", "motor_gain", marks=pytest.mark.xdist_group("gain by bus voltage")
         ),
-        ("pressure, viscous", "pressure_Pa", "viscous_drag"),
+        pytest.param(
+            "pressure, viscous", "pressure_Pa", "viscous_drag", marks=pytest.mark.xdist_group("pressure, viscous")
+        ),
         ("current, square", "current_along_motion", "drag"),
         ("speed, wave", "speed_size", "drag"),
     ],
@@ -123,6 +125,30 @@ def test_a_model_with_a_law_is_adequate_for_its_wheel() -> None:
     assert diagnose_log(following, model=model).verdict["kind"] == "adequate"
     amplitude = replay_log(following, model=model).document()["logs"][0]["effects"]["learned_law"]
     assert abs(amplitude["value"] - 1.0) < 4.0 * amplitude["std"]
+
+
+class TwoLaws(Nameless):
+    """A wheel whose motor gain follows the bus voltage beside the law of its name."""
+
+    @property
+    def law(self) -> Any:
+        """Both laws."""
+        one, other = super().law, Nameless("gain by bus voltage", self.seed).law
+        return lambda met: one(met)._replace(gain=one(met).gain + other(met).gain)
+
+
+@pytest.mark.xdist_group("pressure, viscous")
+def test_a_second_law_is_told_beside_one_that_the_model_given_has() -> None:
+    """It counted as nothing new: "adequate, nothing was added" beside a free run of several rpm, and no model."""
+    given = found_in("pressure, viscous").model
+    diagnosis = diagnose_log(TwoLaws("pressure, viscous", 11).log(), model=given)
+    assert diagnosis.verdict["effects"] == ["learned_law"], diagnosis.verdict["statement"]
+    assert parameters_of(diagnosis, "learned_law")["quantity"]["value"] == "bus_voltage_V"
+    document = diagnosis.document()
+    assert document["after"]["free_run_rms_rpm"] < min(1.3, 0.5 * document["before"]["free_run_rms_rpm"])
+    assert diagnosis.model is not None
+    laws = [term.law.column for term in diagnosis.model.effects.terms if term.law is not None]
+    assert laws == ["pressure_Pa", "bus_voltage_V"]
 
 
 @pytest.mark.xdist_group("gain by bus voltage")

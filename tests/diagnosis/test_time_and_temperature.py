@@ -83,3 +83,14 @@ def test_a_change_in_the_model_hides_no_other_in_the_next_record() -> None:
     another = wheel_log(13, torque=lambda t: (0.1 if t < 300.0 else 0.25) * COULOMB)
     again = diagnosed(another, first.model)
     assert again.verdict["effects"] == ["change"], again.verdict["statement"]
+
+
+def test_a_gain_that_changed_in_the_model_s_record_is_no_other_wheel_in_the_next() -> None:
+    """Eight per cent less is what the model holds from then on, and what the next record has throughout."""
+    first = diagnosed(wheel_log(3, gain=lambda t: 0.92 if t > 250.0 else 1.0))
+    assert first.verdict["effects"] == ["change"], first.verdict["statement"]
+    again = diagnosed(wheel_log(14, gain=lambda t: 0.92), first.model)
+    assert again.verdict["kind"] == "adequate"
+    assert "changed since" not in again.verdict["statement"]
+    before = diagnosed(wheel_log(15), first.model)
+    assert before.verdict["kind"] == "adequate", before.verdict["statement"]

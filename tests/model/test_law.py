@@ -16,9 +16,11 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.learning.aged_model import carried_over
 from rw_ekf.model.effect import Term
 from rw_ekf.model.law import ActsAs, Law, Quantity, arc, law_value, point, sums_of
-from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.model.state import CK13_STATISTICAL, SPEED
 from rw_ekf.wheel.effect_table import EffectSet
+from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
+from rw_ekf.wheel.pieces import effect_interval, row_size
 
 K, B, C, S = CK13_STATISTICAL
 OMEGA_S = 0.42
@@ -76,7 +78,8 @@ def stepped(course: Course, extra: str) -> Float64Array:
             torque = 0.1 * math.sin(2.0 * angle) if extra == "angle" else 0.0
             gain = 0.02 * (volts - 28.0) if extra == "gain" else 0.0
             windage = 2.0e-5 * volts / 28.0 * omega * abs(omega) if extra == "windage" else 0.0
-            loss = 0.01 * math.copysign(1.0, current) if extra == "loss" else 0.0
+            lost = {"loss": 0.01, "lost": min(0.15, abs(current))}.get(extra, 0.0)
+            loss = math.copysign(lost, current)
             bump = math.exp(-((omega / OMEGA_S) ** 2))
             rate = K * (1.0 + gain) * (current - loss) - torque - windage - B * omega
             rate -= along * (C + (S - C) * bump + drag)
@@ -94,6 +97,7 @@ LAWS = {
     ),
     "windage": law_of("column", "windage", 0.0, 56.0, np.array([0.0, 4.0e-5]), column="bus_voltage_V"),
     "loss": law_of("time", "current_loss", -1.0, 1.0e4, np.array([0.01, 0.01])),
+    "lost": law_of("time", "current_loss", -1.0, 1.0e4, np.array([0.15, 0.15])),  # more than there is, at last
 }
 
 
@@ -114,6 +118,22 @@ def test_a_wheel_with_it_goes_as_small_steps_have_it(name: str) -> None:
     ).path_rad_s  # fmt: skip
     moved = np.max(np.abs(truth - stepped(course, "")))
     assert np.max(np.abs(ends - truth)) < 0.01 * moved + 2.0e-4
+
+
+@pytest.mark.parametrize(("current_A", "shows"), [(0.2, True), (0.1, False), (-0.1, False)])
+def test_a_current_that_is_lost_altogether_says_nothing_of_the_loss(current_A: float, shows: bool) -> None:
+    """A wheel that gets no torque from a current smaller than its loss is not driven backwards; its slope is zero."""
+    effects = effects_of(LAWS["lost"])
+    ends, row = [], np.zeros(row_size(effects.table().size))
+    for amplitude in (1.0, 1.0 + 1.0e-6):
+        x = np.array([START, K, B, C, S, amplitude])
+        end = np.zeros(x.size)
+        interval = Interval(0.0, 0.1, 20.0, 0.0, 0, 0, 1, (math.nan,) * 3)
+        pieces = Pieces([0.0], [0.1], [current_A])
+        effect_interval(x, effects.table(), filter_constants(OMEGA_S).stribeck, pieces, interval, True, row, end)
+        ends.append(end[SPEED])
+    assert row[5] == pytest.approx((ends[1] - ends[0]) / 1.0e-6, abs=1.0e-6)
+    assert bool(row[5]) is shows
 
 
 def test_the_filter_learns_its_amplitude() -> None:
