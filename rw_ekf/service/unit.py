@@ -49,11 +49,9 @@ def unit_text(service: Service) -> str:
     families = "AF_UNIX AF_INET AF_INET6" if service.network or not service.devices else "AF_UNIX"
     if not service.devices and service.port.startswith("can:"):
         families += " AF_CAN"
-    online = ["Wants=network-online.target", "After=network-online.target"] if service.network else []
     lines = [
         "[Unit]",
         f"Description=rw-ekf, reaction wheel {line(service.wheel)} at {line(service.port)}",
-        *online,
         "# A wheel that is not plugged in yet is waited for, however long.",
         "StartLimitIntervalSec=0",
         "",
