@@ -5,11 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
+import numpy as np
 import pytest
 
+import rw_ekf
 from rw_ekf.diagnosis.hypotheses.other_starts import in_deepest_valleys
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
-from rw_ekf.diagnosis.investigate.sigmas import with_free_shapes, with_open_noise, with_profiled_widths
+from rw_ekf.diagnosis.investigate.sigmas import (
+    with_free_shapes,
+    with_open_noise,
+    with_possible_break_away,
+    with_profiled_widths,
+)
 from rw_ekf.diagnosis.log_diagnosis import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
@@ -120,3 +127,15 @@ def test_a_law_that_is_hardly_told_from_another_leaves_the_speed_open() -> None:
     speed = entry["parameters"]["speed_rad_s"]
     assert speed["std"] > 0.12  # 0.07 by the likeliest law alone
     assert "its law may also be" in document["verdict"]["statement"]
+
+
+def test_a_break_away_below_coulomb_friction_is_known_no_better_than_it_is_below() -> None:
+    """No bearing has it; one above keeps its sigma, as every other number does."""
+    log = rw_ekf.simulate("P1", seed=3, duration_s=120.0)
+    base = prepare(source_of([log]), None, None, "blocks").base
+    assert np.array_equal(with_possible_break_away(base).std, base.std)
+    known = base.model.parameters
+    low = replace(base, model=replace(base.model, parameters=known._replace(static=0.9 * known.coulomb)))
+    assert low.below_coulomb > 3.0
+    ratios = with_possible_break_away(low).std / low.std
+    assert ratios == pytest.approx([1.0, 1.0, 1.0, low.below_coulomb])

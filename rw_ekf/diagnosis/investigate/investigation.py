@@ -16,6 +16,7 @@ from rw_ekf.diagnosis.investigate.sigmas import (
     with_free_shapes,
     with_open_noise,
     with_open_stribeck_speed,
+    with_possible_break_away,
     with_profiled_onset,
     with_profiled_widths,
 )
@@ -91,7 +92,7 @@ def with_widths(found: Found, advance: Advance) -> Found:
         if has_laws(name):
             reported, laws[name] = with_open_law(found.selection.without(name), reported, name)
     reported = with_open_stribeck_speed(reported, prepared.facts) if found.new_ids else reported
-    return replace(found, reported=reported, orders=orders, laws=laws)
+    return replace(found, reported=with_possible_break_away(reported), orders=orders, laws=laws)
 
 
 def _named(prepared: Prepared, advance: Advance) -> Found:

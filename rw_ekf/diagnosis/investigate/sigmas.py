@@ -26,6 +26,7 @@ from rw_ekf.likelihood.noise_posterior import noise_posterior
 from rw_ekf.likelihood.open_stribeck import over_stribeck_speeds
 from rw_ekf.likelihood.profile import at_ratio
 from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.state import MOTOR_GAIN, STATIC
 
 _NORMAL_95 = 1.96
 _FALL = INFLATION * _NORMAL_95**2  # of twice the log-likelihood at either end of 95 %
@@ -100,6 +101,16 @@ def with_known_lag(found: Found) -> Found:
         found, prepared=replace(prepared, temperature_lag=known),
         reported=replace(reported, likelihood=replace(reported.likelihood, covariance=covariance)),
     )  # fmt: skip
+
+
+def with_possible_break_away(fit: Fit) -> Fit:
+    """The same fit, its break-away friction as uncertain as it lies below Coulomb friction, where no bearing has it.
+
+    Near rest a likelihood is flat and ragged, and its curvature at one place claims a tenth of the sigma that it has.
+    """
+    factors = np.ones(fit.model.vector.size)
+    factors[STATIC - MOTOR_GAIN] = max(fit.below_coulomb, 1.0)
+    return fit.widened(factors)
 
 
 def with_profiled_onset(fit: Fit, name: str, facts: RecordFacts) -> Fit:

@@ -23,7 +23,7 @@ def sentence_since_model(found: Found, model: WheelModel) -> str:
     if found.new_ids or found.is_unexplained:
         return ""
     here, known = slice(0, PARAMETER_COUNT), np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
-    now, own = np.array(found.fit.model.parameters), found.fit.likelihood.covariance[here, here]
+    now, own = np.array(found.fit.model.parameters), found.reported.likelihood.covariance[here, here]
     before = found.prepared.setup.prior.parameters  # with what changed at the end of the model's own record
     off = now - np.array(before)
     if not contradict(off, own + known):
