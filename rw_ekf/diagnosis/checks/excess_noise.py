@@ -40,6 +40,12 @@ class Noises(NamedTuple):
     torque: NoiseFinding | None  # where its noise is larger than elsewhere
     readings: NoiseFinding | None
     reported: tuple[Swallowed, ...]
+    excess: Swallowed | None = None  # of the torque's noise throughout, beyond what wheels have
+
+    @property
+    def torque_p_value(self) -> float:
+        """That noise of the torque, as it should be, looks so: larger in places, or throughout; 1 where it does."""
+        return min((item.p_value for item in (self.torque, self.excess) if item is not None), default=1.0)
 
     @property
     def sentence(self) -> str | None:
@@ -65,8 +71,8 @@ def noises_of(fit: Fit, facts: RecordFacts, *, in_rpm: bool) -> Noises:
     reported = [Swallowed(item.sentence(in_rpm=in_rpm), item.p_value, True) for item in (torque, readings) if item]
     if readings is not None and tails is not None and not tails.is_else:
         tails = None  # noises of two sizes have long tails when they are taken for one
-    more = [item for item in (tails, _torque(fit, in_rpm=in_rpm)) if item is not None]
-    return Noises(torque, readings, (*reported, *more))
+    excess = _torque(fit, in_rpm=in_rpm)
+    return Noises(torque, readings, (*reported, *(item for item in (tails, excess) if item is not None)), excess)
 
 
 def _torque(fit: Fit, *, in_rpm: bool) -> Swallowed | None:

@@ -47,10 +47,9 @@ def posterior_of(
     squares of the held-out error that is gone with what was found.
     """
     elsewhere = something_else(found, noise.p_value, residual_p)
-    # What a noise has swallowed stands beside an effect. Only where it is larger in some places than in others may it
-    # be what an effect was taken for.
-    instead = something_else(found, 1.0 if noise.torque is None else noise.torque.p_value, residual_p)
-    instead /= 1.0 + BESIDE * foretold**2
+    # What the readings' noise has swallowed stands beside an effect. What a torque noise has may be what an effect was
+    # taken for; hardly where that foretells much.
+    instead = something_else(found, noise.torque_p_value, residual_p) / (1.0 + BESIDE * foretold**2)
     answer = chance_of_answer(found.fit, found.prepared.record.course)
     chances: dict[str, float] = {}
     for item in weighed:
