@@ -11,6 +11,7 @@ import pytest
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
+from rw_ekf.diagnosis.investigate import foretelling
 from rw_ekf.diagnosis.investigate.foretelling import NOTE, NOTE_SLOWER, as_it_foretells
 from rw_ekf.diagnosis.investigate.law_rows import with_laws
 from rw_ekf.diagnosis.investigate.rounding import investigated
@@ -106,6 +107,22 @@ def test_a_wheel_that_leaves_noise_keeps_its_likeliest_numbers() -> None:
     found = with_laws(investigated(prepared, quiet), quiet)
     assert found.new_ids == ["offset_torque"]
     assert as_it_foretells(found, quiet) is found
+
+
+@pytest.mark.parametrize(("share", "stands"), [(1.0, True), (1.0e-6, False)])
+def test_numbers_by_which_a_named_effect_is_nothing_are_none(
+    share: float, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever they foretell: "currents below 0.00 mA make no torque" stood beside a verdict that named it."""
+    run = simulated(["offset_torque:torque_rad_s2=0.03"], seed=3)
+    found = investigated(prepare(source_of([log_of(run)]), None, None, "blocks"), quiet)
+    assert found.new_ids == ["offset_torque"]
+    monkeypatch.setattr(foretelling, "_gained", lambda *fits: 1.0)
+    monkeypatch.setattr(foretelling, "_no_worse_ahead", lambda *fits: True)
+    vector = found.fit.model.vector
+    vector[-1] *= share
+    way = replace(found.fit, model=found.fit.model.with_vector(vector))
+    assert (foretelling._foretelling(found, found.fit, way) is not None) is stands
 
 
 @pytest.mark.slow

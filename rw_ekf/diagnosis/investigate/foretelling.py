@@ -101,7 +101,8 @@ def _foretelling(found: Found, fit: Fit, way: Fit, note: str = NOTE) -> Found | 
     if _gained(prepared, stands, way) < REAL_GAIN or not _no_worse_ahead(prepared, base, way):
         return None
     new = found.selection.new_in(fit)
-    if _has_nothing(way) or not all(way.model.possible(name, prepared.facts) for name in new):
+    model, facts = way.model, prepared.facts
+    if _has_nothing(way) or not all(model.possible(name, facts) and model.matters(name, facts) for name in new):
         return None
     if fit is not found.fit:
         if _gained(prepared, _simulated(prepared, stands), way) < REAL_GAIN:
