@@ -52,7 +52,7 @@ def with_wheel_of(scenario: Scenario, model: WheelModel) -> Scenario:
         wheel["inertia_kg_m2"] = model.inertia_kg_m2
     data = scenario.model_dump()
     try:
-        wheel["effects"] = _texts(scenario, model)
+        wheel["effects"] = _texts(scenario.changed("wheel", **wheel), model)  # which reverses when that wheel does
         simulated_plant(parameters, model.stribeck_speed_rad_s, wheel["effects"])
         return Scenario.model_validate(data | {"wheel": data["wheel"] | wheel})
     except (ValidationError, BadInputError) as error:

@@ -130,6 +130,18 @@ def test_the_wheel_of_a_model_stands_on_the_bench_with_its_effects(tmp_path: Pat
     assert scenario.wheel.inertia_kg_m2 == 0.002
 
 
+def test_a_spike_of_a_model_sets_in_before_the_reversal_of_its_own_wheel(tmp_path: Path) -> None:
+    """Twenty seconds before 307 s, when the heavier wheel reverses, and not before 231 s, when the scenario's would."""
+    path = tmp_path / "model.yaml"
+    path.write_text(MODEL, encoding="utf-8")
+    spike = Term.of(CATALOGUE["drag_spike"], (100.0, 60.0, 0.0), 0.05)
+    scenario = with_wheel_of(Scenario(), replace(read_model(path), effects=EffectSet((spike,))))
+    assert scenario.reversal_s is not None
+    (text,) = scenario.wheel.effects
+    (onset_s,) = re.findall(r"onset_s=([\d.]+)", text)
+    assert float(onset_s) == pytest.approx(scenario.control.settling_s + scenario.reversal_s - 20.0)
+
+
 @pytest.mark.parametrize("effect", [effect for effect in CATALOGUE.values() if not issubclass(effect, LawEffect)])
 def test_each_effect_that_a_diagnosis_can_name_stands_on_the_bench(tmp_path: Path, effect: type[Effect]) -> None:
     """With all its coefficients and constants, by the laws that it may follow, in a wheel of any Stribeck law."""
