@@ -396,6 +396,7 @@ class Tick:
     fresh: bool = True
     compensation: CompensationNow | None = None
     alarms_over: tuple[ActiveAlarm, ...] = ()
+    host_s: float = math.nan  # when the turn was, by the host's monotonic clock; NaN in a replay
 
 
 class Reading(NamedTuple):
@@ -404,6 +405,7 @@ class Reading(NamedTuple):
     sample: WheelSample | None
     link: LinkState = LinkState.ANSWERED
     quiet_s: float = 0.0  # without telemetry before this tick, by the host's clock
+    host_s: float = math.nan  # when the tick was, by the host's monotonic clock
 
 
 Controller = Callable[[Tick], float]  # the current [A] to request

@@ -27,10 +27,11 @@ from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.hindsight import CLEARLY, filtered
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Effect, Term
-from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_NAMES, PARAMETERS, STATIC, VISCOUS
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, PARAMETER_NAMES, PARAMETERS, STATIC, VISCOUS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.starting_point import FilterSetup, left_open
 from rw_ekf.wheel.effect_table import EffectSet
+from rw_ekf.wheel.model_file import WheelModel
 
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last
@@ -166,20 +167,42 @@ def without_past_changes(setup: FilterSetup) -> FilterSetup:
             setup = _as_constant(setup, term, level, steady)
             past.remove(term)
         else:
-            setup = _moved_by(setup, term, size)
+            mean = setup.prior.mean.copy()
+            mean[PARAMETERS] = _moved_by(term, level, mean[PARAMETERS])[0]
+            setup = replace(setup, prior=replace(setup.prior, mean=mean))
     return _without(setup, past)
 
 
-def _moved_by(setup: FilterSetup, change: Term, size: float) -> FilterSetup:
-    """The setup with the parameters that a change of this size has left behind, which its effect no longer adds."""
-    mean, acts_as = setup.prior.mean.copy(), None if change.law is None else change.law.acts_as
+def parameters_by_now(model: WheelModel, effects: EffectSet) -> tuple[Float64Array, Float64Array]:
+    """The four parameters of a model with what changed in its own record, (4,), and their covariance (4, 4).
+
+    effects: the model's, with each change as it is in a later log (`with_times_of_record`).
+    """
+    mean, slopes = np.array(model.parameters), np.eye(PARAMETER_COUNT, len(model.covariance))
+    places: dict[tuple[str, tuple[float, ...]], int] = {}
+    for at, own in enumerate(term for term in model.effects.state_terms for _ in term.values):
+        places.setdefault((own.id, own.values), PARAMETER_COUNT + at)
+    for term in effects.state_terms:
+        level, place = _level_of(term), places.get((term.id, term.values))
+        if level is not None and place is not None:
+            mean, of_parameters, of_size = _moved_by(term, level, mean)
+            slopes = of_parameters[:, None] * slopes
+            slopes[:, place] += of_size
+    return mean, slopes @ np.array(model.covariance) @ slopes.T
+
+
+def _moved_by(change: Term, level: float, parameters: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Parameters (4,) with what a change at this level has left behind; slopes (4,) by each itself, and by its size."""
+    k, b, c, s = (place - MOTOR_GAIN for place in (MOTOR_GAIN, VISCOUS, COULOMB, STATIC))
+    own, by_size = np.ones(PARAMETER_COUNT), np.zeros(PARAMETER_COUNT)
+    acts_as = None if change.law is None else change.law.acts_as
     if acts_as == "motor_gain":
-        mean[MOTOR_GAIN] *= 1.0 + size
+        own[k], by_size[k] = 1.0 + level * change.values[0], level * parameters[k]
     elif acts_as == "drag":
-        mean[[COULOMB, STATIC]] += size
+        by_size[[c, s]] = level
     elif acts_as == "viscous_drag":
-        mean[VISCOUS] += size
-    return replace(setup, prior=replace(setup.prior, mean=mean))
+        by_size[b] = level
+    return parameters + change.values[0] * by_size, own, by_size
 
 
 def _level_of(term: Term) -> float | None:

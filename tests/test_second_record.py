@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETERS, FrictionParameters
-from rw_ekf.second_record import _apart, _birge
+from rw_ekf.second_record import _apart, _birge, parameters_by_now
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 from tests.diagnosis.simulated import TRUTH, simulated
@@ -259,3 +260,31 @@ def test_a_run_begins_with_a_friction_that_a_drift_may_have_moved() -> None:
     assert math.sqrt(covariance[2, 2]) > 0.5 * DRIFT * TAU_S
     assert covariance[2, 3] == pytest.approx(covariance[2, 2], rel=0.01)
     assert covariance[0, 0] == pytest.approx(0.002**2)
+
+
+@pytest.mark.parametrize("acts_as", ["motor_gain", "drag", "viscous_drag", "windage"])
+def test_what_a_change_makes_of_the_parameters_is_known_as_the_two_together_are(acts_as: Any) -> None:
+    """Value and covariance against draws of the model's numbers, each with its change applied; windage is in none."""
+    law = Law("time", acts_as, 100.0, 100.01, ((1.0, 1.0),))
+    change, other = (
+        Term(CATALOGUE["change"], (-0.08,), (0.01,), law=law),
+        Term.of(CATALOGUE["offset_torque"], value=0.1),
+    )
+    random = np.random.default_rng(5)
+    root = random.normal(size=(6, 6)) * np.array([0.1, 1.0e-4, 0.01, 0.01, 0.01, 0.004])[:, None]
+    rows = tuple(tuple(row) for row in (root @ root.T).tolist())
+    model = WheelModel(FrictionParameters(14.0, 0.003, 0.5, 0.6), rows, 0.42, effects=EffectSet((other, change)))
+    mean, covariance = parameters_by_now(model, model.effects)
+
+    drawn = random.multivariate_normal([*model.parameters, 0.1, -0.08], root @ root.T, size=400_000)
+    k, b, c, s, size = drawn[:, 0].copy(), drawn[:, 1].copy(), drawn[:, 2].copy(), drawn[:, 3].copy(), drawn[:, 5]
+    if acts_as == "motor_gain":
+        k *= 1.0 + size
+    elif acts_as == "drag":
+        c, s = c + size, s + size
+    elif acts_as == "viscous_drag":
+        b += size
+    found = np.stack([k, b, c, s])
+    stds = found.std(axis=1)
+    assert np.all(np.abs(mean - found.mean(axis=1)) < 0.02 * stds)
+    assert covariance / np.outer(stds, stds) == pytest.approx(np.cov(found) / np.outer(stds, stds), abs=0.02)

@@ -93,7 +93,7 @@ def _diagnosed(
     assert found is not None
     found = _with_sentence_first(found, stated_of_sampled_loop(found) or sentence_about_late_rows(found))
     if model is not None:
-        found = _with_sentence_first(found, sentence_since_model(found, model))
+        found = _with_sentence_first(found, sentence_since_model(found))
     advance("judging on the held-out part")
     reported = conclude(found, advance)
     if len(logs) > 1 or logs[0].whole is None:

@@ -157,7 +157,7 @@ class LiveWheel:
         while not self._stop.wait(self.due_s - clock.monotonic(), clock):
             now = clock.monotonic()
             self.timing.note(now - self.due_s)
-            reading = self._read(now)
+            reading = self._read(now)._replace(host_s=now)
             if self.halted is not None:
                 return
             sample = reading.sample

@@ -48,12 +48,15 @@ def turns(
     tick: Tick | None = None
     alarms = Alarms()
     for reading in readings:
-        sample, link, _ = reading
+        sample, link, _, host_s = reading
         if sample is None:
             state = judge(reading, None)
             if tick is not None:
                 now = compensating(state)
-                tick = Tick(tick.sample, tick.estimate, None, alarms.on, link, state, fresh=False, compensation=now)
+                tick = Tick(
+                    tick.sample, tick.estimate, None, alarms.on, link, state, fresh=False, compensation=now,
+                    host_s=host_s,
+                )  # fmt: skip
         else:
             estimate = estimator.step(sample)
             state = judge(reading, estimate)
@@ -62,7 +65,10 @@ def turns(
                 estimator.command_issued(command)
             alarms = watch(Tick(sample, estimate, command, alarms.on, link, state))
             now = compensating(state)
-            tick = Tick(sample, estimate, command, alarms.on, link, state, alarms_over=alarms.over, compensation=now)
+            tick = Tick(
+                sample, estimate, command, alarms.on, link, state, alarms_over=alarms.over, compensation=now,
+                host_s=host_s,
+            )  # fmt: skip
         if tick is not None:
             for sink in sinks:
                 sink.write(tick)

@@ -228,4 +228,5 @@ def linear_contribution(
         return 0.0, size * omega * abs(omega), 2.0 * size * abs(omega), 0.0, 0.0, 0.0
     if kind == _GAIN:
         return current * size, 0.0, 0.0, 0.0, 0.0, 0.0
-    return -math.copysign(size, current) if current != 0.0 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    lost = size if current > 0.0 else -size
+    return -lost if current != 0.0 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

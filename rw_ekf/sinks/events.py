@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ class Happenings:
 
     def __init__(self, clock: Clock, began: StateNow) -> None:
         self._clock = clock
-        self._began_s = clock.monotonic()
+        self._began_s = self._host_s = clock.monotonic()  # the other: of the last turn
         self._state = began
         self._alarms: dict[str, ActiveAlarm] = {}
         self._time_s: float | None = None  # of the last sample
@@ -29,6 +30,8 @@ class Happenings:
     def of(self, tick: Tick) -> list[dict[str, Any]]:
         """What changed with this turn."""
         self._time_s = tick.estimate.time_s
+        if math.isfinite(tick.host_s):  # a queue, or a disk, may bring a turn here late
+            self._host_s = tick.host_s
         found = []
         if tick.state is not None and tick.state != self._state:
             found.append({**self._at(tick.state.since_utc), **_of_state(tick.state, self._state)})
@@ -66,7 +69,7 @@ class Happenings:
 
     def _at(self, utc: str | None = None) -> dict[str, Any]:
         """When an event is, by three clocks: the day's, which may be set; the wheel's, which may jump; the run's."""
-        run_s = round(self._clock.monotonic() - self._began_s, 3)
+        run_s = round(self._host_s - self._began_s, 3)
         return {"utc": utc or utc_text(self._clock.utc()), "time_s": self._time_s, "run_s": run_s}
 
 

@@ -105,6 +105,24 @@ def test_a_row_with_a_term_more_has_none_of_its_effects_in_the_place_of_another(
     assert [(name, row.fit) for name, row in found] == [("viscous_asymmetry", fits[1])]
 
 
+def test_a_rival_may_stand_for_what_was_found_beside_a_term_given_of_the_same_effect() -> None:
+    """The given term of a ripple stays in both rows; only the order that was found is exchanged, or left out."""
+    base = record().base
+    ripple, second = (Term.at(CATALOGUE["torque_ripple"], Candidate(0.1, (order, 0.0, 0.0))) for order in (1.0, 7.0))
+    offset, asymmetry = (Term.of(CATALOGUE[name], value=0.03) for name in ("offset_torque", "viscous_asymmetry"))
+    given = base.sketched(base.model.with_terms(replace(ripple, given=True)))
+    found, rival = (given.sketched(given.model.with_terms(term)) for term in (second, offset))
+    ledger = Ledger(given, record().facts).with_rows([found, rival])
+    assert [row.effects for row in (ledger.row(found), ledger.row(rival))] == [("torque_ripple",), ("offset_torque",)]
+    assert [name for name, _ in ledger.in_place(ledger.row(found), "torque_ripple")] == ["offset_torque"]
+    assert [term.shape[0] for term in found.model.of("torque_ripple")] == [7.0]
+    assert [term.shape[0] for term in found.model.without("torque_ripple").of("torque_ripple")] == [1.0]
+    assert given.model.without("torque_ripple").effects.terms == ()  # alone it is pruned like any other
+    pruned = given.sketched(base.model.with_terms(asymmetry))
+    selection = Selection(given, pruned, searched=((given, {}),))
+    assert selection.without("viscous_asymmetry").model.effects.terms == ()
+
+
 def test_a_row_that_is_refused_for_the_size_of_something_else_is_no_rival() -> None:
     """It may be likelier for that alone, which no machine has."""
     fits = [with_effects("quadratic_drag", "offset_torque"), with_effects("cubic_drag", "offset_torque")]

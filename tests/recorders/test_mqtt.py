@@ -60,7 +60,7 @@ def test_each_tick_its_state_and_its_events_are_published(tmp_path: Path, broker
     until(lambda: len(events_of(broker)) == 4)
     assert events_of(broker) == ["state", "alarm", "state", "alarm_over"]
     sink.close()
-    assert state_of(broker) == "offline"
+    until(lambda: state_of(broker) == "offline")
     assert made.unwritten.not_sent == {}
 
 

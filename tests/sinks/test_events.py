@@ -25,9 +25,9 @@ def test_a_train_of_spikes_has_a_line_for_each_beginning_and_end(tmp_path: Path)
     clock = VirtualClock()
     sink = EventsSink(tmp_path / "events.jsonl", clock, BEGAN)
     first, second = alarm(1.0), alarm(5.0)
-    clock.sleep(2.5)
     over = alarm(1.0, decay_s=3.0, end="another one set in", ended_s=5.0)
-    tick = tick_of(WheelSample(2.0, 1.0))
+    tick = replace(tick_of(WheelSample(2.0, 1.0)), host_s=2.5)
+    clock.sleep(4.0)  # turns come late
     sink.write(replace(tick, alarms=(first,)))
     sink.write(replace(tick, alarms=(replace(first, details={"amplitude_mNm": 0.5, "remaining_rad_s2": 0.2}),)))
     sink.write(replace(tick, alarms=(second,), alarms_over=(over,)))
@@ -40,4 +40,4 @@ def test_a_train_of_spikes_has_a_line_for_each_beginning_and_end(tmp_path: Path)
     assert (events[2]["decay_s"], events[2]["end"]) == (3.0, "another one set in")
     assert events[4]["name"] == "drag_spike"
     assert (events[0]["time_s"], events[-1]["time_s"]) == (None, tick.estimate.time_s)
-    assert [event["run_s"] for event in events] == [0.0] + [2.5] * 5
+    assert [event["run_s"] for event in events] == [0.0, *[2.5] * 5]

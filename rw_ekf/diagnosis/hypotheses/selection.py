@@ -11,6 +11,7 @@ from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.model_vector import Model
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
 UNDECIDED = Decision(Reason.NOT_SIGNIFICANT)
@@ -84,8 +85,10 @@ class Selection:
 
     def without(self, name: str) -> Fit:
         """The final model without an effect; the search may have fitted that already."""
-        ids, stribeck = [item for item in self.new_ids if item != name], self.final.model.stribeck
-        known = (fit for fit, _ in self.searched if self.new_in(fit) == ids and fit.model.stribeck == stribeck)
+        less = self.final.model.without(name)
+        known = (
+            fit for fit, _ in self.searched if _holds(fit.model) == _holds(less) and fit.model.stribeck == less.stribeck
+        )
         return next(known, None) or self.final.without(name)
 
     def one_by_construction(self, name: str) -> frozenset[str]:
@@ -107,3 +110,8 @@ class Selection:
     def new_in(self, fit: Fit) -> list[str]:
         """Effects of another fit's model that the base did not have."""
         return list(fit.model.effects.beyond(self.base.model.effects))
+
+
+def _holds(model: Model) -> list[tuple[str, bool]]:
+    """What is in a model, in its order: ids, and whether each was given."""
+    return [(term.id, term.given) for term in model.effects.terms]

@@ -136,8 +136,7 @@ class Ledger:
 
     def in_place(self, chosen: Row, name: str) -> list[tuple[str, Row]]:
         """Rows that have one other effect in the place of one of a row, with its id, and of the rest as many terms."""
-        rest = chosen.term_counts
-        del rest[name]
+        rest = chosen.term_counts - Counter({name: len(chosen.fit.model.of(name))})
         found = []
         for row in self.rows:
             new = row.term_counts - rest

@@ -37,7 +37,7 @@ from rw_ekf.likelihood.work_budget import Work
 from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
-from rw_ekf.second_record import with_times_of_record, without_past_changes
+from rw_ekf.second_record import parameters_by_now, with_times_of_record, without_past_changes
 from rw_ekf.starting_point import FilterSetup, belief_of_model, setup_of_record, with_open_phases
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.effect_table import EffectSet
@@ -69,6 +69,14 @@ class TemperatureLag(NamedTuple):
     ahead_K: tuple[float, ...] = ()  # by which the body is warmer than its thermometer where each log begins
 
 
+class GivenParameters(NamedTuple):
+    """The four parameters of the model given, with what has changed in its own record."""
+
+    values: Float64Array  # (4,)
+    covariance: Float64Array  # (4, 4)
+    changed: bool  # whether anything has
+
+
 @dataclass(eq=False, frozen=True)
 class Prepared:
     """Everything that a search starts from."""
@@ -88,6 +96,7 @@ class Prepared:
     in_rpm: bool  # speeds are reported in rpm: of a wheel, and of any plant whose log has them so
     temperature_lag: TemperatureLag | None = None  # where the course's temperature is not as it was read
     levels: Levels | None = None  # of the current, where it was taken at these and had a noise of its own
+    given: GivenParameters | None = None  # of the model given, if there was one
     _of_fit: dict[tuple[str, int], tuple[Fit, Any]] = field(default_factory=dict)  # what, of which fit (its id)
 
     @property
@@ -127,7 +136,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     """
     log, log_of = source.log, source.log_of
     model = None if model is None else with_open_phases(model, angle_is_logged=is_logged(source.course.angle_rad))
-    course, setup, noise, notes = _set_up(source, configuration, model)
+    course, setup, noise, notes, given = _set_up(source, configuration, model)
     in_rpm = setup.inertia_kg_m2 is not None or log.in_rpm
     split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise, log_of)
     kept = split.looked_at
@@ -217,14 +226,16 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         notes=notes,
         in_rpm=in_rpm,
         levels=levels,
+        given=given,
         temperature_lag=TemperatureLag(setup.temperature_lag_s, std_s=0.0) if setup.temperature_lag_s > 0.0 else None,
     )
 
 
 def _set_up(
     source: Source, configuration: Configuration | None, model: WheelModel | None
-) -> tuple[Course, FilterSetup, float, tuple[str, ...]]:
-    """Readings without gross errors and not too clean, the filter's setup, the readings' noise [rad/s], and notes."""
+) -> tuple[Course, FilterSetup, float, tuple[str, ...], GivenParameters | None]:
+    """Readings without gross errors and not too clean, the filter's setup, their noise [rad/s], notes, `given`."""
+    given = None
     course = source.course
     if model is not None and model.temperature_lag_s > 0.0:
         course = course._replace(temperature_degC=source.acting_temperature(model.temperature_lag_s))
@@ -246,6 +257,8 @@ def _set_up(
             refuse_runaway_model(source.log.name, course, setup, model)
         believed = belief_of_model(as_given(model, setup.constants))
         setup = with_times_of_record(with_conditions(course), replace(setup, prior=_aged(model)), believed)
+        values, covariance = parameters_by_now(model, setup.effects)
+        given = GivenParameters(values, covariance, changed=bool(np.any(values != model.parameters)))
         setup = without_past_changes(setup)
     noise = setup.constants.speed_noise_rad_s
     own = setup if configuration is None and model is None else setup_of_record(course)
@@ -262,7 +275,7 @@ def _set_up(
             f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
             "rpm was added to them",
         )
-    return course, setup, noise, notes
+    return course, setup, noise, notes, given
 
 
 def _torque_noise(

@@ -75,7 +75,7 @@ def cause_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
         quantity = None if effect is None else quantities.get(effect.shown_against)
         if effect is None or quantity is None or issubclass(effect, LawEffect):
             continue
-        own = tuple(term for term in terms if term.id == name)
+        own = tuple(term for term in terms if term.id == name and not term.given)
         cause = _Cause(effect, own, _folded(quantity, own, diagnosis), usual, correlation)
         if model is not None and own and issubclass(effect, StaticEffect):
             curves.append(_lawful(cause, after, model, diagnosis, units))

@@ -30,7 +30,7 @@ def law_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
     if model is None or after is None:
         return []
     named = (diagnosis.document().get("verdict") or {}).get("effects") or ()
-    terms = [term for term in model.effects.terms if term.law is not None and term.id in named]
+    terms = [term for term in model.effects.terms if term.law is not None and not term.given and term.id in named]
     knocks = [term for term in terms if _is_knock(term, diagnosis)]
     curves = [_curve(t, t.law, diagnosis, units) for t in terms if t.law is not None and t not in knocks]
     return [curve for curve in [*curves, _jumps(knocks, diagnosis, units)] if curve is not None]

@@ -8,36 +8,37 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS, FrictionParameters
+from rw_ekf.diagnosis.prepare.preparation import GivenParameters
+from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.second_record import MOVED, contradict
-from rw_ekf.wheel.model_file import WheelModel
 
 
-def sentence_since_model(found: Found, model: WheelModel) -> str:
+def sentence_since_model(found: Found) -> str:
     """Which parameters this record has otherwise than the model that was given; nothing where it has them so.
 
     By the test by which a replay finds that a log contradicts its model. Where an effect is new, or the record is
     unexplained, the parameters beside it mean something else, and nothing is reported.
     """
-    if found.new_ids or found.is_unexplained:
+    given = found.prepared.given
+    if found.new_ids or found.is_unexplained or given is None:
         return ""
-    here, known = slice(0, PARAMETER_COUNT), np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
+    here = slice(0, PARAMETER_COUNT)
     now, own = np.array(found.fit.model.parameters), found.reported.likelihood.covariance[here, here]
-    before = found.prepared.setup.prior.parameters  # with what changed at the end of the model's own record
-    off = now - np.array(before)
-    if not contradict(off, own + known):
+    off = now - given.values
+    if not contradict(off, own + given.covariance):
         return ""
-    size = np.sqrt(np.diag(own + known))
-    moved = [_moved(i, now, own, before, model) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
+    size = np.sqrt(np.diag(own + given.covariance))
+    moved = [_moved(i, now, own, given) for i in range(PARAMETER_COUNT) if abs(off[i]) > MOVED * size[i]]
     which = ", ".join(moved) if moved else "all four parameters together"
     return f"The wheel has changed since the model given was made, or is another: {which}. "
 
 
-def _moved(i: int, now: Float64Array, own: Float64Array, given: FrictionParameters, model: WheelModel) -> str:
-    before = given[i]
+def _moved(i: int, now: Float64Array, own: Float64Array, given: GivenParameters) -> str:
+    before = float(given.values[i])
     share = f", {100.0 * (now[i] - before) / before:+.2g} %" if before else ""
+    where = "in the model after what changed in its record" if given.changed else "in the model"
     return (
         f"{PARAMETER_NAMES[i]} {plus_minus(float(now[i]), math.sqrt(own[i, i]))} {STATE_UNITS[PARAMETER_NAMES[i]]} "
-        f"({plus_minus(before, math.sqrt(model.covariance[i][i]))} in the model{share})"
+        f"({plus_minus(before, math.sqrt(given.covariance[i, i]))} {where}{share})"
     )

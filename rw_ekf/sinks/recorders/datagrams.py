@@ -20,7 +20,10 @@ class _Way(NamedTuple):
     def to(cls, place: str) -> _Way:
         """The way to HOST:PORT. Raises OSError for a place that is none, or that nobody knows at this moment."""
         host, port = host_and_port(place)
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        except UnicodeError as error:  # a label that is empty, or longer than names may be
+            raise OSError(None, f"{host} is no name of a host: {error}") from None
         sender = socket.socket(family, kind, protocol)
         sender.setblocking(False)
         return cls(sender, address)
