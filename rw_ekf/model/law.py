@@ -217,7 +217,10 @@ def law_contribution(
 def linear_contribution(
     kind: int, size: float, slope: float, along: float, omega: float, current: float
 ) -> tuple[float, float, float, float, float, float]:
-    """The same while more than the loss is there. A drag over speed enters by its tangent at the piece's start."""
+    """The same while more than the loss is there. A drag over speed enters by its tangent at the piece's start.
+
+    The sign of a loss does not count: no current comes from nowhere.
+    """
     if kind == DRAG:  # sgn(omega) (size + slope (omega - omega_0))
         return 0.0, 0.0, along * slope, 0.0, 0.0, size - slope * omega
     if kind == _TORQUE:
@@ -228,5 +231,4 @@ def linear_contribution(
         return 0.0, size * omega * abs(omega), 2.0 * size * abs(omega), 0.0, 0.0, 0.0
     if kind == _GAIN:
         return current * size, 0.0, 0.0, 0.0, 0.0, 0.0
-    lost = size if current > 0.0 else -size
-    return -lost if current != 0.0 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return -math.copysign(size, current) if current != 0.0 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

@@ -78,7 +78,7 @@ def stepped(course: Course, extra: str) -> Float64Array:
             torque = 0.1 * math.sin(2.0 * angle) if extra == "angle" else 0.0
             gain = 0.02 * (volts - 28.0) if extra == "gain" else 0.0
             windage = 2.0e-5 * volts / 28.0 * omega * abs(omega) if extra == "windage" else 0.0
-            lost = {"loss": 0.01, "lost": min(0.15, abs(current)), "found": -0.02}.get(extra, 0.0)
+            lost = {"loss": 0.01, "lost": min(0.15, abs(current))}.get(extra, 0.0)
             loss = lost * math.copysign(1.0, current)
             bump = math.exp(-((omega / OMEGA_S) ** 2))
             rate = K * (1.0 + gain) * (current - loss) - torque - windage - B * omega
@@ -98,7 +98,6 @@ LAWS = {
     "windage": law_of("column", "windage", 0.0, 56.0, np.array([0.0, 4.0e-5]), column="bus_voltage_V"),
     "loss": law_of("time", "current_loss", -1.0, 1.0e4, np.array([0.01, 0.01])),
     "lost": law_of("time", "current_loss", -1.0, 1.0e4, np.array([0.15, 0.15])),  # more than there is, at last
-    "found": law_of("time", "current_loss", -1.0, 1.0e4, np.array([-0.02, -0.02])),  # a dead zone that has ended
 }
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from rw_ekf.checking.choices import SplitKind
 from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, is_logged, with_conditions
 from rw_ekf.course.course import Course
@@ -69,6 +69,7 @@ class TemperatureLag(NamedTuple):
     ahead_K: tuple[float, ...] = ()  # by which the body is warmer than its thermometer where each log begins
 
 
+@by_identity
 class GivenParameters(NamedTuple):
     """The four parameters of the model given, with what has changed in its own record."""
 
