@@ -296,8 +296,7 @@ class Estimator:
             )  # fmt: skip
         else:
             known, self._left_behind = carried_over(known)
-            known = as_given(known, setup_of_model(known, noise, torque_noise, period_s).constants)
-            setup = setup_of_model(known, noise, torque_noise, period_s)
+            setup = setup_of_model(as_given(known), noise, torque_noise, period_s)
             constants, belief, effects, drift = setup.constants, setup.prior, setup.effects, setup.effect_drift
         belief = with_prior_table(belief, {name: getattr(given, name) for name in priors if getattr(given, name)})
         more = {} if effects is None else {"effects": effects, "drift": drift}

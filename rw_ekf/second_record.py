@@ -92,8 +92,8 @@ def with_times_of_record(course: Course, setup: FilterSetup, believed: Belief | 
     comes at the same time of every run does so again. So may a friction that settles as a wheel warms up, but one that
     has run in, or a drag that came once, does not.
 
-    believed: the a priori by which that is asked, where the setup's own leaves a parameter so open that it would follow
-    any change; None: the setup's.
+    believed: the a priori by which that is decided, where the setup's own leaves a parameter so open that it would
+    follow any change; None: the setup's.
     """
     if not changes_with_time(setup.effects):
         return setup
@@ -151,26 +151,25 @@ def _without_record(setup: FilterSetup) -> FilterSetup:
     return _without(setup, [term for term in setup.effects.terms if term.of_its_record])
 
 
-def without_past_changes(setup: FilterSetup) -> FilterSetup:
+def without_past_changes(setup: FilterSetup, parameters: Float64Array) -> FilterSetup:
     """The setup without a change that came before this log, or does not come in it; what it moved is open.
 
     For a diagnosis, to which another change at another time is another answer. A torque that came and stayed is an
-    offset, a loss of current a dead zone, and a parameter that changed has the value that it changed to.
+    offset, a loss of current a dead zone, and a parameter that changed has the value that it changed to: parameters
+    (4,), as `parameters_by_now` has them.
     """
     levels = {term: level for term in setup.effects.terms if (level := _level_of(term)) is not None}
     past = list(levels)
     for term, level in levels.items():
-        steady = None if term.law is None else _STEADY.get(term.law.acts_as)
-        size = level * term.values[0]
-        fits = steady is not None and steady.coefficient.lower <= size <= steady.coefficient.upper and size != 0.0
-        if steady is not None and fits and steady.id not in setup.effects.ids:
+        steady, size = None if term.law is None else _STEADY.get(term.law.acts_as), level * term.values[0]
+        if steady is None or steady.id in setup.effects.ids or size == 0.0:
+            continue
+        if steady.coefficient.lower <= size <= steady.coefficient.upper:
             setup = _as_constant(setup, term, level, steady)
             past.remove(term)
-        else:
-            mean = setup.prior.mean.copy()
-            mean[PARAMETERS] = _moved_by(term, level, mean[PARAMETERS])[0]
-            setup = replace(setup, prior=replace(setup.prior, mean=mean))
-    return _without(setup, past)
+    mean = setup.prior.mean.copy()
+    mean[PARAMETERS] = parameters
+    return _without(replace(setup, prior=replace(setup.prior, mean=mean)), past)
 
 
 def parameters_by_now(model: WheelModel, effects: EffectSet) -> tuple[Float64Array, Float64Array]:

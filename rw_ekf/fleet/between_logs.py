@@ -15,7 +15,15 @@ from rw_ekf.identify.record_scale import speed_noise_of
 from rw_ekf.learning.aged_model import aged, as_given, carried_over
 from rw_ekf.logs.metadata import moment_of, utc_text
 from rw_ekf.logs.sampling import without_repeats
-from rw_ekf.starting_point import FilterSetup, course_for, model_of, setup_of_model, setup_of_record, setup_of_start
+from rw_ekf.starting_point import (
+    FilterSetup,
+    course_for,
+    model_of,
+    setup_of_configuration,
+    setup_of_model,
+    setup_of_record,
+    setup_of_start,
+)
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 
 # A day whose innovations are so unlike what was expected is looked at again, and its noise is another where its third
@@ -73,10 +81,12 @@ def first_start(log: WheelLog, configuration: Configuration | None, model: Wheel
     A model that is given is believed as a run would believe it: of a wheel of another temperature, at the least.
     """
     course = course_for(without_repeats(log)[0], model)
-    given = None if model is None else carried_over(model)[0]
+    given = None
+    if model is not None:
+        given = carried_over(model)[0]
+        drifts = None if configuration is None else setup_of_configuration(configuration, given).constants
+        given = as_given(given, drifts)
     setup = setup_of_record(course, configuration, given)
-    if given is not None:
-        setup = setup_of_record(course, configuration, as_given(given, setup.constants))
     return Starting(setup, setup, model_of(setup.prior, setup, {"method": "fleet"}))
 
 

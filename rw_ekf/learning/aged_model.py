@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
-from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
 from rw_ekf.starting_point import FilterSetup, left_open, with_open_phases
@@ -62,11 +62,14 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     return replace(model, covariance=_as_rows(rows), effects=effects), notes
 
 
-def as_given(model: WheelModel, constants: FilterConstants, prior: Belief | None = None) -> WheelModel:
+def as_given(model: WheelModel, constants: FilterConstants | None = None, prior: Belief | None = None) -> WheelModel:
     """A model that is given and does not say when it was made: of a wheel of another temperature, at the least.
 
-    constants: whose drifts it wanders by. prior: beyond whose sigmas nothing is forgotten; None: no bound.
+    constants: whose drifts it wanders by; None: those of any filter of that model. prior: beyond whose sigmas nothing
+    is forgotten; None: no bound.
     """
+    if constants is None:
+        constants = filter_constants(model.stribeck_speed_rad_s, scale=model.parameters)
     return _believed_less(model, constants, _GIVEN_AGE_S, prior)
 
 

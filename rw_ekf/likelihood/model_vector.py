@@ -100,16 +100,12 @@ class Model:
         return out
 
     def numbers_of(self, effect_id: str) -> list[int]:
-        """Which of the terms are of one effect: those that were found, where the model given has one of that id too.
-
-        A second law without a formula beside one that was given, or another order of a ripple, is looked at, and left
-        out, by itself.
-        """
-        own = [number for number, term in enumerate(self.terms) if term.id == effect_id]
-        return [number for number in own if not self.terms[number].given] or own
+        """Which of the terms are of one effect, as `EffectSet.of` has them."""
+        own = {id(term) for term in self.effects.of(effect_id)}
+        return [number for number, term in enumerate(self.terms) if id(term) in own]
 
     def of(self, effect_id: str) -> list[Term]:
-        """The terms of one effect, as `numbers_of` has them."""
+        """The same terms."""
         return [self.terms[number] for number in self.numbers_of(effect_id)]
 
     def placed_of(self, effect_id: str) -> list[tuple[Term, slice]]:
@@ -142,9 +138,8 @@ class Model:
         return replace(self, effects=EffectSet((*self.effects.terms, *added)))
 
     def without(self, effect_id: str) -> Model:
-        """The same model without an effect's terms, as `of` has them."""
-        own = [term for term in self.effects.terms if term.id == effect_id]
-        gone = {id(term) for term in own if not term.given} or {id(term) for term in own}
+        """The same model without the terms of one effect, as `EffectSet.of` has them."""
+        gone = {id(term) for term in self.effects.of(effect_id)}
         return replace(self, effects=EffectSet(tuple(t for t in self.effects.terms if id(t) not in gone)))
 
     def changed(self, term: Term, other: Term) -> Model:

@@ -111,6 +111,15 @@ class EffectSet:
         """The ids, each once, in order of use."""
         return tuple(dict.fromkeys(term.id for term in self.terms))
 
+    def of(self, effect_id: str) -> list[Term]:
+        """The terms of one effect: those that were found, where the model given has one of that id too.
+
+        A second law without a formula beside one that was given, or another order of a ripple, is looked at, and left
+        out, by itself.
+        """
+        own = [term for term in self.terms if term.id == effect_id]
+        return [term for term in own if not term.given] or own
+
     def beyond(self, other: EffectSet) -> tuple[str, ...]:
         """The ids of which more was found here than in another set, in order of use; none of what was given counts."""
         here, there = (Counter(term.id for term in effects.terms if not term.given) for effects in (self, other))

@@ -89,7 +89,7 @@ class Selection:
         known = (
             fit for fit, _ in self.searched if _holds(fit.model) == _holds(less) and fit.model.stribeck == less.stribeck
         )
-        return next(known, None) or self.final.without(name)
+        return next(known, None) or self.final.refitted(less)
 
     def one_by_construction(self, name: str) -> frozenset[str]:
         """Rivals of an effect about which no likelihood decides."""

@@ -41,9 +41,9 @@ def with_free_shapes(fit: Fit, name: str) -> Fit:
     Along the trajectory as it stands: an amplitude is known the less, the less onset and decay are. Free as far as a
     slope carries: the onset of a spike while the wheel rests has none, but it cannot have been long ago.
     """
-    if not any(term.settled and term.effect.refined for term in fit.model.of(name)):
+    own, numbers = fit.model.of(name), fit.model.numbers_of(name)
+    if not any(term.settled and term.effect.refined for term in own):
         return fit
-    own = fit.model.of(name)
     terms = tuple(replace(t, settled=t.settled and t not in own) for t in fit.model.effects.terms)
     model = replace(fit.model, effects=replace(fit.model.effects, terms=terms))
     linearised = linearise(fit.linearised.record, model, fit.trajectory, fit.noise, fit.omit)
@@ -51,7 +51,7 @@ def with_free_shapes(fit: Fit, name: str) -> Fit:
     if fit.prior is not None:
         rows, aims = prior_rows(fit.prior, model)
     for place, (i, constant) in enumerate(model.refined, start=model.known):
-        if i in fit.model.numbers_of(name):
+        if i in numbers:
             reach = terms[i].effect.constants[constant].reach_at(terms[i].shape[constant])
             rows = np.vstack((rows, np.eye(1, model.vector.size, place) / reach))
             aims = np.append(aims, terms[i].shape[constant] / reach)

@@ -260,7 +260,7 @@ def _set_up(
         setup = with_times_of_record(with_conditions(course), replace(setup, prior=_aged(model)), believed)
         values, covariance = parameters_by_now(model, setup.effects)
         given = GivenParameters(values, covariance, changed=bool(np.any(values != model.parameters)))
-        setup = without_past_changes(setup)
+        setup = without_past_changes(setup, values)
     noise = setup.constants.speed_noise_rad_s
     own = setup if configuration is None and model is None else setup_of_record(course)
     top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))

@@ -68,14 +68,13 @@ def cause_curves(diagnosis: Outcome, units: Units) -> list[Curve]:
         return []
     quantities = {"current" if q.title == units.drive else q.title: q for q in quantities_of(diagnosis, units)}
     usual = _Place(_root_mean_square(log.speed_rad_s), _root_mean_square(log.current_A))
-    terms = () if model is None else model.effects.terms
     correlation, curves = correlation_of(diagnosis), []
     for name in (diagnosis.document().get("verdict") or {}).get("effects") or ():
         effect = CATALOGUE.get(name)
         quantity = None if effect is None else quantities.get(effect.shown_against)
         if effect is None or quantity is None or issubclass(effect, LawEffect):
             continue
-        own = tuple(term for term in terms if term.id == name and not term.given)
+        own = () if model is None else tuple(model.effects.of(name))
         cause = _Cause(effect, own, _folded(quantity, own, diagnosis), usual, correlation)
         if model is not None and own and issubclass(effect, StaticEffect):
             curves.append(_lawful(cause, after, model, diagnosis, units))
